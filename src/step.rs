@@ -58,6 +58,9 @@ use trajectory::Trajectory;
 
 /// How often in succession a failed step may be halved; the shortest attempts are eighths of the step.
 const MOST_HALVINGS: u32 = 3;
+/// Relative residuals between which the solver of a scene without a tolerance stops.
+const TIGHTEST: f64 = 1e-5;
+const LOOSEST: f64 = 1e-2;
 /// One step in this many is timed, unless [`Simulation::time_every`] sets another number: timestamps split the GPU's
 /// work and cost up to a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 8;
@@ -344,7 +347,8 @@ impl Simulation {
         let (step, origin) = (&self.scene.step, self.origin());
         let mut params = StepParams {
             dt: h as f32,
-            tolerance: self.scene.solver.tolerance as f32,
+            tolerance: self.scene.solver.tolerance.unwrap_or(TIGHTEST) as f32,
+            loosest: self.scene.solver.tolerance.unwrap_or(LOOSEST) as f32,
             max_iterations: self.scene.solver.max_iterations,
             newton: step.newton,
             gravity: step.gravity.as_vec3().to_array(),

@@ -4,8 +4,21 @@
 // Before four iterations are done the estimate means nothing. An including shader includes shared/types.glsl first.
 
 const uint ERROR_DELAY = 4;     // number of iterations over which the estimate sums
+// Greatest error at which a solver without a tolerance stops, as a share of the energy that its iterations removed. Half
+// the difference of this step's change of velocity from the last step's is what one step of implicit Euler differs from
+// the trapezoidal rule: the local error of the time step. The iterations start from the last change, so that they
+// remove the energy of that difference. The error is to be a twentieth of half of it.
+const float STEP_ERROR_SHARE = 1.0 / (4.0 * 20.0 * 20.0);
 
 float error_energy(Iteration last) {
     vec4 e = last.energies;
     return e.x + e.y + e.z + e.w;
+}
+
+// Estimate of e . A e after the last iteration, J: what each further iteration removes falls by the least of the factors
+// by which it fell in the last three. UNLIMITED where it rose, or where fewer than ERROR_DELAY iterations are done.
+float error_energy_left(Iteration last) {
+    vec4 e = last.energies;
+    float ratio = max(max(e.x / e.y, e.y / e.z), e.z / e.w);
+    return last.count >= ERROR_DELAY && ratio < 1.0 ? e.x * ratio / (1.0 - ratio) : UNLIMITED;
 }

@@ -21,6 +21,7 @@ const uint NONE = 0xffffffffu;  // index that stands for nothing
 struct StepParams {
     float dt;                   // length h of the step, s
     float tolerance;            // relative residual at which conjugate gradients stop
+    float loosest;              // relative residual above which they do not stop, however small the error is
     uint max_iterations;        // conjugate gradient iterations at most
     uint newton;                // Newton iterations of a step; 1: elasticity is linearised once
     vec3 gravity;               // m/s^2, world axes
@@ -270,6 +271,7 @@ struct Iteration {
     float alpha;                // step length along the search direction
     uint count;                 // iterations done
     vec4 energies;              // alpha gamma of the last four iterations, the latest first, J
+    float removed;              // sum of alpha gamma of all iterations: e . A e of the error e that they removed, J
 };
 
 const uint CORE_NUMBERS = 72;       // length of a dynamic core's data in rigid_blocks: two 6x6 matrices

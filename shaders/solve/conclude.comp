@@ -146,7 +146,8 @@ void main() {
             }
             flags |= solve.flags;
         } else {
-            if (!(residual <= max(10.0 * params.tolerance, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
+            float aim = solve.status == STATUS_CONVERGED ? params.loosest : params.tolerance;
+            if (!(residual <= max(10.0 * aim, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
             // The solve stopped before the normal forces were accurate; ten times the error is a hundred times the energy.
             bool is_accurate = error_energy(iterations[solve.current]) <= 100.0 * solve.energy_limit;
             if (CONTACT && solve.status != STATUS_CONVERGED && !is_accurate) flags |= FLAG_NOT_CONVERGED;

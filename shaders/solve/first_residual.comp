@@ -210,8 +210,8 @@ void main() {
     solve.current = 0;
     solve.status = at_rest ? STATUS_CONVERGED : STATUS_RUNNING;
     solve.energy_limit = limit;
-    iterations[0] = Iteration(0.0, 0.0, 0, vec4(0.0));
-    iterations[1] = Iteration(0.0, 0.0, 0, vec4(0.0));
+    iterations[0] = Iteration(0.0, 0.0, 0, vec4(0.0), 0.0);
+    iterations[1] = Iteration(0.0, 0.0, 0, vec4(0.0), 0.0);
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;
     args[3 * ARGS_LOOP_ELEMENT_PRODUCT] = on * groups_of(TETRAHEDRA);
     args[3 * ARGS_LOOP_CONTACT_PRODUCT] = on * groups_of(contact_count);

@@ -111,7 +111,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
     Scene {
         file: "scene.toml".into(),
         step: Step { dt: 0.001, gravity: DVec3::ZERO, newton: 1 },
-        solver: Solver { tolerance: 1e-5, max_iterations: 200, preconditioner: Preconditioner::Auto },
+        solver: Solver { tolerance: Some(1e-5), max_iterations: 200, preconditioner: Preconditioner::Auto },
         contact: Contact {
             stiffness: None,
             damping: None,

@@ -539,7 +539,7 @@ mod tests {
         let said = [
             words(builder().step(Step { dt: 0.0, ..Step::default() })),
             words(builder().step(Step { newton: 0, ..Step::default() })),
-            words(builder().solver(Solver { tolerance: 1.0, ..Solver::default() })),
+            words(builder().solver(Solver { tolerance: Some(1.0), ..Solver::default() })),
             words(builder().contact(Contact { friction: -0.1, ..Contact::default() })),
             words(builder().contact(Contact { friction_speed: 0.0, ..Contact::default() })),
             words(builder().tool(Tool::sphere(0.0, 1.0))),

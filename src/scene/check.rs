@@ -287,7 +287,7 @@ impl Step {
 impl Solver {
     /// Checks all values, and returns the first problem.
     pub(crate) fn check(&self) -> Check {
-        tolerance(self.tolerance).under("tolerance")?;
+        self.tolerance.map_or(Ok(()), tolerance).under("tolerance")?;
         whole(self.max_iterations, 1..=MOST_ITERATIONS).under("max_iterations")
     }
 }

@@ -220,7 +220,7 @@ fn solver(root: &Table, none: &Solver) -> Result<Solver> {
         return Ok(none.clone());
     };
     Ok(Solver {
-        tolerance: table.or("tolerance", none.tolerance, |value| value.ruled(check::tolerance))?,
+        tolerance: table.or("tolerance", none.tolerance, |value| value.ruled(check::tolerance).map(Some))?,
         max_iterations: table
             .or("max_iterations", none.max_iterations, |value| value.whole(1, check::MOST_ITERATIONS))?,
         preconditioner: table.or("preconditioner", none.preconditioner, |value| {

@@ -116,8 +116,9 @@ pub struct Step {
 /// Settings of `[solver]`: conjugate gradients for the linear system of each Newton iteration.
 #[derive(Debug, Clone)]
 pub struct Solver {
-    /// Relative residual at which the solver stops.
-    pub tolerance: f64,
+    /// Relative residual at which the solver stops. `None`: it stops between 1e-2 and 1e-5, where the error that it leaves
+    /// is small compared with that of the time step.
+    pub tolerance: Option<f64>,
     /// Greatest number of iterations of the conjugate gradients.
     pub max_iterations: u32,
     /// Preconditioner.

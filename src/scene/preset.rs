@@ -12,8 +12,9 @@ pub struct Preset {
     pub name: &'static str,
     /// Value of the scene key `step.dt`: the time step, s.
     pub dt: f64,
-    /// Value of the scene key `solver.tolerance`: the relative residual at which the linear solver stops.
-    pub tolerance: f64,
+    /// Value of the scene key `solver.tolerance`: the relative residual at which the linear solver stops; `None`: the key
+    /// is left out.
+    pub tolerance: Option<f64>,
     /// Value of the scene key `solver.max_iterations`: the greatest number of iterations of the linear solver.
     pub max_iterations: u32,
     /// Value of the scene key `step.newton`: the number of Newton iterations per step.
@@ -24,15 +25,15 @@ pub struct Preset {
 
 /// The settings of a scene that names no preset.
 pub const NONE: Preset =
-    Preset { name: "none", dt: 0.001, tolerance: 1e-5, max_iterations: 200, newton: 1, sides: Sides::Both };
+    Preset { name: "none", dt: 0.001, tolerance: None, max_iterations: 200, newton: 1, sides: Sides::Both };
 
 /// The presets, the one that needs the least computing time first. They were chosen from results of the benchmark
 /// `palpate bench accuracy/presets`, which measures the error and the computing time of many settings on two models of
 /// a head, a soft and a stiff one.
 pub const PRESETS: [Preset; 3] = [
-    Preset { name: "fast", dt: 0.008, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
-    Preset { name: "balanced", dt: 0.002, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
-    Preset { name: "accurate", dt: 0.001, tolerance: 1e-2, max_iterations: 200, newton: 1, sides: Sides::Both },
+    Preset { name: "fast", dt: 0.008, tolerance: Some(1e-2), max_iterations: 200, newton: 1, sides: Sides::Both },
+    Preset { name: "balanced", dt: 0.002, tolerance: Some(1e-2), max_iterations: 200, newton: 1, sides: Sides::Both },
+    Preset { name: "accurate", dt: 0.001, tolerance: Some(1e-2), max_iterations: 200, newton: 1, sides: Sides::Both },
 ];
 
 /// The preset that a scene names, and the settings whose values come from it; a setting that the scene itself gives
@@ -52,12 +53,14 @@ impl Preset {
         let sides = Sides::CHOICES.iter().find(|(_, sides)| *sides == self.sides).map_or("", |(name, _)| *name);
         let values = [
             ("step.dt", self.dt.to_string()),
-            ("solver.tolerance", format!("{:e}", self.tolerance)),
+            ("solver.tolerance", self.tolerance.map_or(String::new(), |tolerance| format!("{tolerance:e}"))),
             ("solver.max_iterations", self.max_iterations.to_string()),
             ("step.newton", self.newton.to_string()),
             ("contact.sides", format!("\"{sides}\"")),
         ];
-        let open = |(path, _): &(&str, String)| path.split_once('.').is_some_and(|(table, key)| !is_given(table, key));
+        let open = |(path, value): &(&str, String)| {
+            !value.is_empty() && path.split_once('.').is_some_and(|(table, key)| !is_given(table, key))
+        };
         Chosen { preset: self.name, set: values.into_iter().filter(open).collect() }
     }
 }

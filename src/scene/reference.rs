@@ -112,18 +112,19 @@ pub const SOLVER: TableKeys = TableKeys {
         key(
             "tolerance",
             "> 0, < 1",
-            "1e-5",
+            "(by the error)",
             "The solver stops where the residual, relative to the right-hand side in the norm of the preconditioner, \
              is below this value, and the error of the contact forces is estimated to be below five times this value \
-             (a thousandth at least) of these forces.",
+             (a thousandth at least) of these forces. Without this key it stops between 1e-2 and 1e-5, where the error \
+             that it leaves is estimated to be below a twentieth of that of the time step.",
         ),
         key(
             "max_iterations",
             "1 to 10000",
             "200",
             "The solver stops after this many iterations; flag `not_converged` is raised if the residual is then \
-             above ten times the tolerance and above what single precision can reach, or the error of the contact \
-             forces above ten times what is allowed.",
+             above ten times the tolerance (1e-4 without one) and above what single precision can reach, or the error of \
+             the contact forces above ten times what is allowed.",
         ),
         key(
             "preconditioner",

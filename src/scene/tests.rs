@@ -123,7 +123,7 @@ fn the_example_is_read_in_full() {
     let scene = Folder::new().load(EXAMPLE).unwrap();
     assert_eq!((scene.name().as_str(), scene.duration()), ("press", 0.3));
     assert_eq!((scene.step.dt, scene.step.gravity, scene.step.newton), (0.001, DVec3::new(0.0, -9.81, 0.0), 1));
-    assert_eq!((scene.solver.tolerance, scene.solver.max_iterations), (1e-5, 200));
+    assert_eq!((scene.solver.tolerance, scene.solver.max_iterations), (Some(1e-5), 200));
     assert_eq!((scene.contact.stiffness, scene.contact.texel, scene.contact.depth_limit), (None, None, 0.02));
     let head = &scene.bodies[0];
     let Shape::Soft { surface: Some(Surface::File(path)), layer: Layer::Cell { cell, grade: 1, thickness: None } } =
@@ -471,15 +471,15 @@ fn a_preset_decides_what_the_file_leaves_open() {
     let body = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, 0.0]\n";
     let of = |text: &str| Scene::parse(std::path::Path::new("s.toml"), &format!("{text}\n{body}"));
     let none = of("").unwrap();
-    assert_eq!((none.solver.tolerance, none.solver.max_iterations, none.step.newton), (1e-5, 200, 1));
+    assert_eq!((none.solver.tolerance, none.solver.max_iterations, none.step.newton), (None, 200, 1));
     assert_eq!((none.contact.sides, none.preset), (Sides::Both, None));
     let fast = of("preset = \"fast\"\n[contact]\nsides = \"both\"\n[step]\ndt = 0.002").unwrap();
-    assert_eq!((fast.solver.tolerance, fast.contact.sides, fast.step.dt), (1e-2, Sides::Both, 0.002));
+    assert_eq!((fast.solver.tolerance, fast.contact.sides, fast.step.dt), (Some(1e-2), Sides::Both, 0.002));
     let chosen = fast.preset.unwrap();
     let keys: Vec<&str> = chosen.set.iter().map(|(key, _)| *key).collect();
     assert_eq!((chosen.preset, keys), ("fast", vec!["solver.tolerance", "solver.max_iterations", "step.newton"]));
     let accurate = of("preset = \"accurate\"").unwrap();
-    assert_eq!((accurate.solver.tolerance, accurate.step.dt), (1e-2, 1e-3));
+    assert_eq!((accurate.solver.tolerance, accurate.step.dt), (Some(1e-2), 1e-3));
     assert_eq!(of("preset = \"fast\"").unwrap().step.dt, 8e-3);
     let message = of("preset = \"fats\"").unwrap_err().to_string();
     assert!(

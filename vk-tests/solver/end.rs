@@ -30,7 +30,7 @@ const NEWTON_NOT_CONVERGED: u32 = 2048;
 
 fn some_nodes() -> Passes {
     let mut passes = Passes::new(System::new(&[layered(layer(70), material(2e4), DQuat::IDENTITY)], 0.0, 1));
-    passes.system.params.tolerance = 0.01;
+    passes.system.stop_at(0.01);
     (passes.state.rhs_norm2, passes.state.floor_norm2) = (64.0, 1e-6);
     // The kernels keep two sets of iterates; the newest iterate is in the second set.
     (passes.state.status, passes.state.current) = (1, 1);

@@ -284,7 +284,7 @@ fn cores_that_are_joined_are_inverted_as_one() {
 fn cores_that_are_joined_are_solved_as_one() {
     for with in [Preconditioner::Jacobi, Preconditioner::Coarse] {
         let mut passes = passes(with);
-        passes.system.params.tolerance = 1e-6;
+        passes.system.stop_at(1e-6);
         passes.record_start();
         passes.iterate(400);
         let (a, b) = with_joints(&passes);

@@ -39,7 +39,7 @@ fn the_warm_factor_and_the_arguments_by_hand() {
     let system = System::new(&[layered(layer(160), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
     let mut passes = Passes::new(system);
     (passes.partials, passes.dots) = (vec![[2.0, 0.25], [1.0, 0.5]], vec![[1.0, 1.5], [2.0, 2.5]]);
-    passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9, energies: [5.0; 4] };
+    passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9, energies: [5.0; 4], removed: 20.0 };
     (passes.state.retries, passes.state.current) = (3, 1);
     passes.start();
     let s = &passes.state;
@@ -196,7 +196,7 @@ fn the_limit_of_energy_is_that_of_the_contacts() {
     for (tolerance, share, forces) in [(1e-2, 5e-2, [40.0, 0.3]), (1e-2, 5e-2, [0.2, 90.0]), (1e-6, 1e-3, [2.0, 3.0])] {
         let system = System::new(&two_layers(), 0.004, 6).with_tool().with_contacts(100, 77);
         let mut passes = Passes::new(system);
-        passes.system.params.tolerance = tolerance;
+        passes.system.stop_at(tolerance);
         passes.state.normal_forces = forces;
         passes.assemble();
         passes.apply(Change::Solution);

@@ -57,7 +57,7 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
     Scene {
         file: "none".into(),
         step: scene::Step { dt: f64::from(dt), gravity: DVec3::ZERO, newton: 1 },
-        solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner },
+        solver: scene::Solver { tolerance: Some(1e-5), max_iterations: 10, preconditioner },
         contact: scene::Contact {
             stiffness: Some(1e6),
             damping: Some(1e3),
@@ -281,6 +281,11 @@ impl System {
     pub fn trial_change_of(&self, body: usize) -> Option<Vec<DVec3>> {
         let own = self.model.soft.get(body).map_or(0..0, |soft| soft.nodes.clone());
         self.trial_change.get(own).filter(|change| !change.is_empty()).map(|change| change.iter().map(wide).collect())
+    }
+
+    /// Lets the solver stop at this relative residual.
+    pub fn stop_at(&mut self, tolerance: f32) {
+        (self.params.tolerance, self.params.loosest) = (tolerance, tolerance);
     }
 
     /// Adds a tool that a virtual coupling (spring and damper) pulls towards a pose of the haptic device.

@@ -48,7 +48,7 @@ fn system(bodies: &[Body], seed: u64, preconditioner: Preconditioner) -> System 
 /// the state that the last kernel of a solve leaves.
 fn solved(what: &str, system: System) -> Passes {
     let mut passes = Passes::new(system);
-    passes.system.params.tolerance = 1e-6;
+    passes.system.stop_at(1e-6);
     passes.record_start();
     passes.iterate(LIMIT);
     assert_eq!(passes.state.status, 1, "{what}: status (1: converged) after {} iterations", passes.iterations_done());
@@ -118,7 +118,7 @@ fn error_of_forces(seed: u64, stiffer: f64, is_limited: bool) -> [f64; 2] {
         (twin.stiffness, twin.damping) = (twin.stiffness * stiffer, twin.damping * stiffer);
     }
     let mut passes = Passes::new(given);
-    passes.system.params.tolerance = 1e-2;
+    passes.system.stop_at(1e-2);
     passes.record_start();
     if !is_limited {
         passes.state.energy_limit = shaders::UNLIMITED;
@@ -210,7 +210,7 @@ fn pulled(with: Preconditioner) {
         let mut passes = Passes::new(system.with_contacts(12, 30 + seed));
         // The tolerance is tighter than usual, since this long time step magnifies the residual's effect on
         // displacements.
-        passes.system.params.tolerance = 5e-7;
+        passes.system.stop_at(5e-7);
         let mut solves = 0;
         loop {
             passes.record_start();

@@ -20,7 +20,7 @@ fn a_stiff_block_takes_a_third_of_the_iterations() {
         system.velocity.fill([0.0; 4]);
         system.rotate();
         let mut passes = Passes::new(system);
-        passes.system.params.tolerance = 1e-4;
+        passes.system.stop_at(1e-4);
         passes.record_start();
         passes.iterate(1000);
         assert_eq!(passes.state.status, 1, "status of the solver, 1 if it converged");

@@ -127,7 +127,11 @@ fn scene(sides: Sides) -> Scene {
     Scene {
         file: "none".into(),
         step: scene::Step { dt: 1e-3, gravity: DVec3::ZERO, newton: 1 },
-        solver: scene::Solver { tolerance: 1e-5, max_iterations: 10, preconditioner: scene::Preconditioner::Auto },
+        solver: scene::Solver {
+            tolerance: Some(1e-5),
+            max_iterations: 10,
+            preconditioner: scene::Preconditioner::Auto,
+        },
         contact: scene::Contact {
             stiffness: Some(1e6),
             damping: Some(1e3),

@@ -57,7 +57,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     let at = |young: f64, halvings: u32, tolerance: f64, newton: u32, sides: Sides| {
         let mut scene = head.clone();
         scene.bodies.iter_mut().filter_map(|body| body.material.as_mut()).for_each(|material| material.young = young);
-        (scene.solver.tolerance, scene.solver.max_iterations) = (tolerance, MANY);
+        (scene.solver.tolerance, scene.solver.max_iterations) = (Some(tolerance), MANY);
         (scene.contact.sides, scene.step.newton) = (sides, newton);
         scene.step.dt = LONGEST / f64::from(1u32 << halvings);
         scene
@@ -134,7 +134,7 @@ fn span_reason(points: &[Point]) -> String {
 }
 
 fn point(scene: &Scene, sides: &str, panel: String) -> Point {
-    let (dt, newton, tolerance) = (scene.step.dt, scene.step.newton, scene.solver.tolerance);
+    let (dt, newton, tolerance) = (scene.step.dt, scene.step.newton, scene.solver.tolerance.unwrap_or(f64::NAN));
     let keys = [
         ("step.dt", format!("{dt:.6}")),
         ("step.newton", newton.to_string()),

@@ -53,7 +53,7 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Curve
     for (line, value, setting, press, steps) in all {
         watch(&format!("reference, {setting}"));
         let mut scene = press.scene();
-        (scene.solver.tolerance, scene.solver.max_iterations) = (TIGHTEST, MANY);
+        (scene.solver.tolerance, scene.solver.max_iterations) = (Some(TIGHTEST), MANY);
         references.push(match &of_steps {
             Some(longest) if line == "steps" => longest.clone(),
             _ if line == "steps" => of_steps.insert(reference(&scene, longest, &options)?).clone(),

@@ -112,7 +112,7 @@ fn is_measured(shipped: &Preset, own: &Setting) -> bool {
     let number = |name: &str| own.key(name).parse::<f64>().unwrap_or(f64::NAN);
     let ratio = number("step.dt") / shipped.dt;
     (1.0 / SAME_STEP..=SAME_STEP).contains(&ratio)
-        && (own.tolerance() / shipped.tolerance - 1.0).abs() < 1e-6
+        && shipped.tolerance.is_some_and(|tolerance| (own.tolerance() / tolerance - 1.0).abs() < 1e-6)
         && number("step.newton") == f64::from(shipped.newton)
         && own.key("contact.sides") == sides(shipped)
 }
@@ -181,7 +181,12 @@ fn cells(found: Option<&Setting>) -> Vec<String> {
 
 /// Table row of a shipped preset, under the columns of the setting that was found.
 fn row(s: &Preset) -> Vec<String> {
-    let own = [format!("{:.6}", s.dt), s.newton.to_string(), format!("{:e}", s.tolerance), sides(s).into()];
+    let own = [
+        format!("{:.6}", s.dt),
+        s.newton.to_string(),
+        s.tolerance.map_or(String::new(), |tolerance| format!("{tolerance:e}")),
+        sides(s).into(),
+    ];
     let row = [format!("{}, shipped", s.name), String::new()].into_iter().chain(own);
     row.chain(std::iter::repeat_n(String::new(), 3)).collect()
 }
@@ -216,7 +221,7 @@ mod tests {
 
     #[test]
     fn what_is_shipped_agrees_or_is_told_why_not() {
-        let preset = |name, dt, tolerance| Preset { name, dt, tolerance, ..scene::preset::NONE };
+        let preset = |name, dt, tolerance| Preset { name, dt, tolerance: Some(tolerance), ..scene::preset::NONE };
         let good = [preset("fast", 0.008, 1e-1), preset("balanced", 0.004, 1e-1), preset("accurate", 0.002, 1e-1)];
         let section = section_of(&curve(), &good);
         assert!(!section.notes.concat().contains("NOT"), "an unexpected note: {:?}", section.notes);

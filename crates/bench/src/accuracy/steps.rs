@@ -133,7 +133,7 @@ fn tetrahedra(settings: &Settings) -> u32 {
 }
 
 fn tight(mut scene: Scene, newton: u32) -> Scene {
-    (scene.solver.tolerance, scene.solver.max_iterations, scene.step.newton) = (TIGHT, MANY, newton);
+    (scene.solver.tolerance, scene.solver.max_iterations, scene.step.newton) = (Some(TIGHT), MANY, newton);
     scene
 }
 

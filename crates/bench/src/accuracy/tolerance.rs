@@ -49,7 +49,7 @@ pub fn by_tolerance(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
             TOLERANCES.map(|tolerance| {
                 let mut scene = press(settings, young).scene();
                 scene.solver.preconditioner = kind;
-                scene.solver.tolerance = tolerance;
+                scene.solver.tolerance = Some(tolerance);
                 scene.solver.max_iterations = MANY;
                 let setting = format!("{}, {name} to {tolerance:.0e}", stiffness(young));
                 (young, scene, point(young, setting, name, tolerance))
@@ -82,7 +82,7 @@ pub fn by_iterations(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result
     let of = |young: f64| {
         CAPS.map(|cap| {
             let mut scene = press(settings, young).scene();
-            scene.solver.tolerance = TIGHT;
+            scene.solver.tolerance = Some(TIGHT);
             scene.solver.max_iterations = cap;
             let setting = format!("{}, at most {cap}", stiffness(young));
             (young, scene, point(young, setting, "auto", cap.into()))

@@ -52,7 +52,7 @@ struct Twin {
 /// not soft, the scene has no rigid tool, or a system of equations cannot be factorised.
 pub fn reference(scene: &Scene, steps: usize, options: &Options) -> Result<Reference> {
     let mut beside = scene.clone();
-    (beside.solver.tolerance, beside.solver.max_iterations) = (TIGHT, MANY);
+    (beside.solver.tolerance, beside.solver.max_iterations) = (Some(TIGHT), MANY);
     let mut simulation = Simulation::open(&beside, options)?;
     simulation.time_every(0)?;
     let mut twin = Twin::new(scene, &simulation)?;

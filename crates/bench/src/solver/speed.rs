@@ -143,7 +143,7 @@ pub fn measure(case: &Case, settings: &Settings, watch: &mut dyn FnMut(&str)) ->
 pub fn asking(scene: &Scene, preconditioner: Preconditioner, tolerance: f64, settings: &Settings) -> Scene {
     let mut scene = scene.clone();
     scene.solver.preconditioner = preconditioner;
-    scene.solver.tolerance = tolerance;
+    scene.solver.tolerance = Some(tolerance);
     scene.solver.max_iterations = settings.max_iterations;
     scene
 }

@@ -145,7 +145,7 @@ fn sag(setup: &Setup) -> f64 {
 fn left_alone(setup: &Setup) -> Promise {
     let is_firm = sag(setup) <= 0.5 * SHAPE * setup.edge;
     let (shape, tolerance) =
-        (is_firm.then_some(SHAPE * setup.edge), setup.preset.map_or(0.0, |preset| preset.tolerance));
+        (is_firm.then_some(SHAPE * setup.edge), setup.preset.and_then(|preset| preset.tolerance).unwrap_or(0.0));
     Promise { shape, tolerance, touches: true, parts: is_firm, ..Promise::default() }
 }
 

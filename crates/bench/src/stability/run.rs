@@ -161,7 +161,7 @@ fn tight_peak(case: &Case, settings: &Settings) -> Result<Option<f64>> {
         return Ok(None);
     }
     let mut scene = case.setup.scene(case.scenario);
-    (scene.solver.tolerance, scene.solver.max_iterations) = (invariants::TIGHT, TIGHT_ITERATIONS);
+    (scene.solver.tolerance, scene.solver.max_iterations) = (Some(invariants::TIGHT), TIGHT_ITERATIONS);
     let mut simulation = Simulation::open(&scene, &options(settings))?;
     begin(&mut simulation, case)?;
     let mut most = 0.0f64;

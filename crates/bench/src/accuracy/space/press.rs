@@ -134,7 +134,7 @@ impl Press {
         scene.contact.stiffness = self.stiffness;
         scene.contact.sides = self.sides;
         scene.contact.depth_limit = 0.02;
-        scene.solver.tolerance = self.tolerance;
+        scene.solver.tolerance = Some(self.tolerance);
         scene.solver.max_iterations = 1000;
         scene
     }
