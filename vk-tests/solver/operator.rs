@@ -11,9 +11,10 @@ use crate::solver::system::{DT, System, layer, layered, material, mixed, triples
 use crate::stage::elastic::expect_of_largest;
 
 /// Greatest allowed error of A x, relative to the largest value of a body's rows, which sum a few dozen terms. Each
-/// term is a dozen roundings of 6e-8 away from the input, and the modulus of a tetrahedron in which the compression
-/// penalty rises, which is a small part of the whole, is known to 1e-5.
-const PRODUCT: f64 = 4.0e-6;
+/// term is a dozen roundings of 6e-8 away from the input.
+const PRODUCT: f64 = 2.0e-6;
+/// The same where tetrahedra are so compressed that the modulus of the compression penalty rises: it is known to 1e-5.
+const COMPRESSED_PRODUCT: f64 = 4.0e-6;
 /// Greatest allowed error of inner products, relative to the sum of the magnitudes of the terms: vectors of a hundred
 /// numbers of both signs.
 const DOT: f64 = 2.0e-6;
@@ -48,9 +49,9 @@ fn magnitude(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a * b).abs()).sum()
 }
 
-/// Compares the product A x, at nodes and tool, with that of the oracle's matrix. Returns how many tetrahedra are
-/// inverted.
-fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
+/// Compares the product A x, at nodes and tool, with that of the oracle's matrix, within `share` of the largest value.
+/// Returns how many tetrahedra are inverted.
+fn expect_oracle(what: &str, system: System, seed: u64, share: f64) -> usize {
     let mut passes = Passes::new(system);
     let mut random = Random(seed);
     let (x, tool) = (passes.system.random_field(&mut random), tool_vector(&mut random));
@@ -61,12 +62,12 @@ fn expect_oracle(what: &str, system: System, seed: u64) -> usize {
     let got = triples(&passes.operator_product);
     let mut at = 0;
     for (b, want) in nodes.iter().enumerate() {
-        expect_of_largest(&format!("{what}: body {b}"), &got[at..at + want.len()], want, PRODUCT);
+        expect_of_largest(&format!("{what}: body {b}"), &got[at..at + want.len()], want, share);
         at += want.len();
     }
     if passes.tool {
-        expect_of_largest(&format!("{what}: tool, force"), &passes.tool_rows()[..3], &twist[..3], PRODUCT);
-        expect_of_largest(&format!("{what}: tool, torque"), &passes.tool_rows()[3..], &twist[3..], PRODUCT);
+        expect_of_largest(&format!("{what}: tool, force"), &passes.tool_rows()[..3], &twist[..3], share);
+        expect_of_largest(&format!("{what}: tool, torque"), &passes.tool_rows()[3..], &twist[3..], share);
     }
     let inverted = |body: &palpate_oracle::step::SoftBody| {
         let deformed =
@@ -173,10 +174,10 @@ fn products_agree_with_the_assembled_matrix_at_every_size() {
     for nodes in [0, 1, width - 1, width, width + 1, large - 1, large, large + 1, 1234] {
         let bodies =
             if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), DQuat::from_rotation_x(1.0))] };
-        expect_oracle(&format!("{nodes} nodes"), System::new(&bodies, AMPLITUDE, 3), 4);
+        expect_oracle(&format!("{nodes} nodes"), System::new(&bodies, AMPLITUDE, 3), 4, PRODUCT);
         if !bodies.iter().all(is_empty) {
             let system = System::new(&bodies, AMPLITUDE, 3).with_tool().with_contacts(nodes, 5);
-            expect_oracle(&format!("{nodes} nodes and contacts"), system, 4);
+            expect_oracle(&format!("{nodes} nodes and contacts"), system, 4, PRODUCT);
         }
     }
 }
@@ -185,22 +186,23 @@ fn products_agree_with_the_assembled_matrix_at_every_size() {
 fn products_agree_with_the_assembled_matrix_for_mixed_materials() {
     // A node's damping is that of the elements at the node, weighted by their mass.
     let bodies = [layered(layer(200), mixed(1000), DQuat::from_rotation_x(1.0))];
-    expect_oracle("mixed materials", System::new(&bodies, AMPLITUDE, 3), 4);
+    expect_oracle("mixed materials", System::new(&bodies, AMPLITUDE, 3), 4, PRODUCT);
 }
 
 #[test]
 fn products_agree_with_the_assembled_matrix_for_inverted_tetrahedra() {
     let bodies = two_layers();
     for seed in 0..4 {
-        let inverted = expect_oracle("without contacts", System::new(&bodies, AMPLITUDE, seed), seed + 10);
+        let inverted =
+            expect_oracle("without contacts", System::new(&bodies, AMPLITUDE, seed), seed + 10, COMPRESSED_PRODUCT);
         assert!(inverted > 10, "{inverted} tetrahedra are inverted, expected more than 10");
         let system = System::new(&bodies, AMPLITUDE, seed).with_contacts(CONTACTS, seed + 20);
-        expect_oracle("contacts", system, seed + 10);
+        expect_oracle("contacts", system, seed + 10, COMPRESSED_PRODUCT);
         let system = System::new(&bodies, AMPLITUDE, seed).with_tool().with_contacts(CONTACTS, seed + 20);
-        expect_oracle("contacts and a tool", system, seed + 10);
+        expect_oracle("contacts and a tool", system, seed + 10, COMPRESSED_PRODUCT);
         let system =
             System::new(&bodies, AMPLITUDE, seed).with_tool().with_friction().with_contacts(CONTACTS, seed + 20);
-        expect_oracle("friction", system, seed + 10);
+        expect_oracle("friction", system, seed + 10, COMPRESSED_PRODUCT);
     }
 }
 

@@ -4,6 +4,7 @@
 
 use palpate::internal::prepare::{Body, Layer, Materials, Shape};
 use palpate::{Error, Result};
+use palpate_oracle::contact_law::auto_stiffness;
 
 /// The soft bodies of a scene, joined.
 pub struct Joined {
@@ -17,8 +18,8 @@ pub struct Joined {
     pub vertices: Vec<Vec<(usize, f64)>>,
     /// Vertices of the skins' triangles.
     pub triangles: Vec<[u32; 3]>,
-    /// For each body its layer and its base material.
-    pub own: Vec<(Layer, palpate::scene::Material)>,
+    /// Contact stiffness that the engine chooses for a scene of these bodies, N/m^3.
+    pub auto_stiffness: f64,
 }
 
 /// Joins the soft bodies at the beginning of `bodies`, which all have the orientation of the first. The engine numbers
@@ -31,8 +32,9 @@ pub fn joined(bodies: &[Body]) -> Result<Joined> {
         nodes: Vec::new(),
         vertices: Vec::new(),
         triangles: Vec::new(),
-        own: Vec::new(),
+        auto_stiffness: 0.0,
     };
+    let mut own = Vec::new();
     for body in bodies {
         let Shape::Soft { layer, materials, embedding, skin, .. } = &body.shape else { break };
         let (node, vertex) = (all.layer.nodes.len(), all.vertices.len() as u32);
@@ -50,10 +52,9 @@ pub fn joined(bodies: &[Body]) -> Result<Joined> {
             corners.iter().zip(embedded.weights).map(|(i, weight)| (node + *i as usize, weight)).collect()
         }));
         all.triangles.extend(skin.triangles.iter().map(|corners| corners.map(|i| vertex + i)));
-        all.own.push((layer.clone(), materials.all[0]));
+        own.push((layer, &materials.all[0]));
     }
-    if all.nodes.is_empty() {
-        return Err(Error::Simulation("the stability matrix needs a soft body first in the scene".into()));
-    }
+    let none = || Error::Simulation("the stability matrix needs a soft body first in the scene".into());
+    all.auto_stiffness = auto_stiffness(&own).ok_or_else(none)?;
     Ok(all)
 }

@@ -6,7 +6,7 @@
 use glam::DVec3;
 use palpate::internal::shaders::{self, NONE};
 use palpate::{Scene, ToolReport};
-use palpate_oracle::contact_law::{Penalty, auto_stiffness};
+use palpate_oracle::contact_law::Penalty;
 
 use super::joined::Joined;
 use super::trace::{HALF_ULP, ROUNDINGS};
@@ -62,8 +62,7 @@ pub struct ContactSums {
 impl Skin {
     /// The skin of joined bodies, with the contact law of their scene.
     pub fn new(bodies: &Joined, scene: &Scene) -> Skin {
-        let own: Vec<_> = bodies.own.iter().map(|(layer, material)| (layer, material)).collect();
-        let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&own).unwrap_or(0.0));
+        let stiffness = scene.contact.stiffness.unwrap_or(bodies.auto_stiffness);
         Skin {
             vertices: bodies.vertices.clone(),
             triangles: bodies.triangles.clone(),
