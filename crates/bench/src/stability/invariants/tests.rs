@@ -54,7 +54,7 @@ fn each_invariant_can_be_broken_and_a_flag_of_another_step_excuses_nothing() {
         (Invariant::Energy, 7, |s| s.energy = 1.01),
         (Invariant::Force, 7, |s| s.missed = 6e-4),
         (Invariant::Push, 7, |s| s.tension = 6e-4),
-        (Invariant::Residual, 7, |s| s.residual = 2e-3),
+        (Invariant::Residual, 7, |s| s.residual = 0.2),
         (Invariant::Balance, 7, |s| s.balance = f64::NAN),
         (Invariant::Peak, 4, |s| s.force = 2.15),
         (Invariant::Rest, 9, |s| s.motion = 2e-3),
@@ -140,9 +140,9 @@ fn the_end_is_its_last_tenth_and_a_step_that_no_flag_excuses_is_the_one_told() {
 #[test]
 fn a_flagged_step_excuses_no_later_one() {
     let mut samples = kept();
-    (samples[6].residual, samples[6].flags) = (2e-3, Flags::NOT_CONVERGED);
+    (samples[6].residual, samples[6].flags) = (0.2, Flags::NOT_CONVERGED);
     assert_eq!(verdict_of(&samples), Verdict::Degraded);
-    samples[8].residual = 2e-3;
+    samples[8].residual = 0.2;
     assert_eq!(verdict_of(&samples), Verdict::Silent);
     // Energy that a flagged step gained stays in the body and is excused; energy that a later step gains on top of it
     // is not.
