@@ -4,10 +4,9 @@
 // Before four iterations are done the estimate means nothing. An including shader includes shared/types.glsl first.
 
 const uint ERROR_DELAY = 4;     // number of iterations over which the estimate sums
-// Greatest error at which a solver without a tolerance stops, as a share of the energy that its iterations removed. Half
-// the difference of this step's change of velocity from the last step's is what one step of implicit Euler differs from
-// the trapezoidal rule: the local error of the time step. The iterations start from the last change, so that they
-// remove the energy of that difference. The error is to be a twentieth of half of it.
+// Greatest error at which a solver without a tolerance stops, as a share of the energy of the difference of this step's
+// change of velocity from the last step's. Half that difference is what one step of implicit Euler differs from the
+// trapezoidal rule: the local error of the time step. The error is to be a twentieth of it.
 const float STEP_ERROR_SHARE = 1.0 / (4.0 * 20.0 * 20.0);
 
 float error_energy(Iteration last) {

@@ -19,6 +19,7 @@ struct Evaluation {
     float lambda;       // first Lame parameter of the operator, Pa
     mat3 fold;          // maps the rest gradients of shape functions to those that the operator uses
     mat3 geometric;     // geometric stiffness, Pa: symmetric and positive semi-definite
+    mat3 exact;         // geometric stiffness with its negative eigenvalues, Pa
     bool is_partial;    // whether an F-bar patch applies the pressure, so that the stress here is not the whole
 };
 
@@ -98,18 +99,10 @@ mat3 operator_rate(Evaluation law, mat3 geometric, mat3 rate) {
 // starts, where the exact rate of the neo-Hookean law leaves the penalty out. `law` is the evaluation at `e`.
 mat3 stress_rate(ElasticMaterial material, mat3 e, mat3 compression, Evaluation law, mat3 rate) {
     float inexact = law.is_partial ? 1.0 : penalty_share(compression);
-    mat3 sum = mat3(0.0);
-    if (inexact > 0.0) sum = inexact * operator_rate(law, law.geometric, rate);
-    if (inexact < 1.0) {
-        mat3 exact;
-        if (is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
-            exact = neo_hookean_rate(e, material, rate);
-        } else {
-            exact = operator_rate(law, geometric_stiffness(material.law, e, compression, law.stress), rate);
-        }
-        sum += (1.0 - inexact) * exact;
+    if (is_used(LAW_NEO_HOOKEAN) && material.law == LAW_NEO_HOOKEAN) {
+        return inexact * operator_rate(law, law.geometric, rate) + (1.0 - inexact) * neo_hookean_rate(e, material, rate);
     }
-    return sum;
+    return operator_rate(law, inexact * law.geometric + (1.0 - inexact) * law.exact, rate);
 }
 
 // Evaluates a material's law at the strain `e`. `compression` is the part of the strain that the compression penalty
@@ -134,10 +127,9 @@ Evaluation evaluate(ElasticMaterial material, mat3 e, mat3 compression, float la
     // What is pressed would turn by itself; the operator must stay positive semi-definite. A part of the stress has no
     // geometric stiffness that would leave rigid rotation free.
     law.is_partial = lambda != material.lambda;
-    law.geometric = mat3(0.0);
-    if (!law.is_partial) {
-        law.geometric = positive_part(geometric_stiffness(material.law, e, compression, law.stress));
-    }
+    law.exact = mat3(0.0);
+    if (!law.is_partial) law.exact = geometric_stiffness(material.law, e, compression, law.stress);
+    law.geometric = positive_part(law.exact);
     return law;
 }
 

@@ -19,14 +19,14 @@ float[6] product_of(uint index) {
 }
 
 // The six rows of a rigid body in M^-1 y. The vector y consists of the right-hand sides `b` of all bodies of the rigid
-// body's group (the rigid bodies that joints connect), or, if `of_product`, of their `operator_product` (A x before the
-// solver's iterations, b - A x after these).
-float[6] preconditioned_rows(uint index, bool of_product) {
+// body's group (the rigid bodies that joints connect), or, if `of_residual`, of their `operator_product`, which then holds
+// the residual b - A x.
+float[6] preconditioned_rows(uint index, bool of_residual) {
     uint first = rigids[index].group_first, count = rigids[index].group_count, row = inverse_row(index, 0);
     float z[6] = float[6](0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (uint k = 0; k < count; k++) {
         for (uint j = 0; j < 6; j++) {
-            float v = of_product ? rigids[first + k].operator_product[j] : rigids[first + k].b[j];
+            float v = of_residual ? rigids[first + k].operator_product[j] : rigids[first + k].b[j];
             for (uint i = 0; i < 6; i++) z[i] += rigid_inverses[row + 6 * (count * i + k) + j] * v;
         }
     }

@@ -20,6 +20,22 @@ mat3 strain(vec4 q, mat3 g) {
     return e;
 }
 
+// One rotation of Jacobi's method for the eigenvalues of a symmetric matrix `a`: makes the entry in row p and column q
+// zero. The columns of `axes` become the eigenvectors. p and q are constants, since lavapipe is slow where the index of
+// an array is not one.
+void jacobi_rotation(const int p, const int q, inout mat3 a, inout mat3 axes) {
+    float theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+    float t = a[p][q] == 0.0 ? 0.0 : (theta < 0.0 ? -1.0 : 1.0) / (abs(theta) + sqrt(theta * theta + 1.0));
+    float c = inversesqrt(t * t + 1.0), s = t * c;
+    mat3 turn = mat3(1.0);
+    turn[p][p] = c;
+    turn[q][q] = c;
+    turn[q][p] = s;
+    turn[p][q] = -s;
+    a = transpose(turn) * a * turn;
+    axes = axes * turn;
+}
+
 // The part of a strain by which its principal stretches fall below LEAST: the sum of min(0, 1 + e_k - LEAST) n_k n_k^T
 // over the eigenvalues e_k and eigenvectors n_k of the strain's symmetric part, by Jacobi's method.
 mat3 excess_compression(mat3 strain) {
@@ -28,23 +44,13 @@ mat3 excess_compression(mat3 strain) {
     // rounds. This is cheaper than a branch around the loop, which some devices run with all lanes masked.
     vec3 reach = vec3(abs(a[1][0]) + abs(a[2][0]), abs(a[1][0]) + abs(a[2][1]), abs(a[2][0]) + abs(a[2][1]));
     bool clear = all(greaterThan(vec3(1.0 + a[0][0], 1.0 + a[1][1], 1.0 + a[2][2]) - reach, vec3(LEAST)));
-    uint rounds = clear ? 0 : 3 * JACOBI_SWEEPS;
     mat3 axes = mat3(1.0);
-    for (uint k = 0; k < rounds; k++) {
-        uint p = k % 3 == 2 ? 1 : 0, q = k % 3 == 0 ? 1 : 2;
-        if (a[p][q] == 0.0) continue;
-        float theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-        float t = (theta < 0.0 ? -1.0 : 1.0) / (abs(theta) + sqrt(theta * theta + 1.0));
-        float c = inversesqrt(t * t + 1.0), s = t * c;
-        mat3 turn = mat3(1.0);
-        turn[p][p] = c;
-        turn[q][q] = c;
-        turn[q][p] = s;
-        turn[p][q] = -s;
-        a = transpose(turn) * a * turn;
-        axes = axes * turn;
+    for (uint k = 0; k < (clear ? 0 : JACOBI_SWEEPS); k++) {
+        jacobi_rotation(0, 1, a, axes);
+        jacobi_rotation(0, 2, a, axes);
+        jacobi_rotation(1, 2, a, axes);
     }
     mat3 sum = mat3(0.0);
-    for (uint k = 0; k < min(rounds, 3); k++) sum += min(0.0, 1.0 + a[k][k] - LEAST) * outerProduct(axes[k], axes[k]);
+    for (int k = 0; k < 3; k++) sum += min(0.0, 1.0 + a[k][k] - LEAST) * outerProduct(axes[k], axes[k]);
     return sum;
 }

@@ -68,7 +68,8 @@ struct Rigid {
     uint inverse_first;         // where the inverse of its group's diagonal block of A begins in rigid_inverses
     float rounding;             // e . D^-1 e in its rows: D is the diagonal of A, e sums magnitudes of the terms of b
     float b[6];                 // right-hand side of its six rows, N s and N m s
-    float operator_product[6];             // operator product A x before the iterations, residual b - A x after them
+    float operator_product[6];             // operator product A x of the last solution, then the residual b - A x
+    float trend_product[6];             // operator product of the last two solutions' difference
     float linear_residual[6];           // b - A x of the last Newton iteration
     float carried_residual[6];          // b - A x of the last accepted step, which the next step's b includes
 };
@@ -249,7 +250,7 @@ struct Contact {
 
 // State of the linear solver that stays on the GPU between passes (dispatches).
 struct Solve {
-    float warm_start;                 // factor by which the last solution is multiplied to start the iterations
+    float warm_start[2];        // factors of the last solution and of the trend in the first iterate
     float rhs_norm2;            // b . M^-1 b
     float floor_norm2;          // part of rhs_norm2 that may be due to f32 rounding alone
     uint status;                // STATUS_*
@@ -271,7 +272,7 @@ struct Iteration {
     float alpha;                // step length along the search direction
     uint count;                 // iterations done
     vec4 energies;              // alpha gamma of the last four iterations, the latest first, J
-    float removed;              // sum of alpha gamma of all iterations: e . A e of the error e that they removed, J
+    float change;               // energy of the difference from the last step's solution, as far as it is known, J
 };
 
 const uint CORE_NUMBERS = 72;       // length of a dynamic core's data in rigid_blocks: two 6x6 matrices

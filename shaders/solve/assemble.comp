@@ -58,7 +58,6 @@ layout(scalar) readonly buffer Contacts { Contact contacts[]; };
 READ_ONLY(vec4, carried_residual);        // carried residual b - A x of the last step
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
-layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };     // D^-1 b
 layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // D^-1; attached nodes: D; xx yy zz, xy xz yz
 layout(scalar) writeonly buffer Partials { vec2 partials[]; };    // b . D^-1 b and (e . D^-1 e) eps^2 of each block
 layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three texels per block
@@ -167,7 +166,6 @@ void main() {
             vec3 arm = rotate(turn, rest.xyz);
             coarse_vector.c0 += b;
             coarse_vector.c1 += cross(arm, b);
-            preconditioned[i] = vec4(0.0);
             inverse[2 * i] = vec4(a, 0.0);
             inverse[2 * i + 1] = vec4(c, 0.0);
             continue;
@@ -182,7 +180,6 @@ void main() {
             add_restriction(coarse_vector, b, where);
             add_restriction(moved, fetch(displacement, i).xyz, where);
         }
-        preconditioned[i] = vec4(z, 0.0);
         inverse[2 * i] = vec4(diagonal, 0.0);
         inverse[2 * i + 1] = vec4(off, 0.0);
     }

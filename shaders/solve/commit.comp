@@ -12,7 +12,7 @@
 // (rigid coordinate frame), whose rotation is R0 at the start and R1 at the end of the step of h seconds; dR = R1^T R0,
 // r is the node's rest position and v_centre the velocity of the frame's centre. The second formula moves the node by
 // h v in the world, and expresses its new place in the frame at the end. The kernel also keeps the residual b - A x,
-// which the next step adds to its b (carried residual). Nodes attached to a rigid core (rigid body inside a soft one)
+// which the next step adds to its b (carried residual), and x minus the last step's solution (the trend). Nodes attached to a rigid core (rigid body inside a soft one)
 // keep d = 0. The tool is the rigid body that the haptic device leads. One invocation runs for each node. The f64
 // reference is oracle::step.
 
@@ -33,14 +33,18 @@ layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) buffer Velocity { vec4 velocity[]; };
 layout(scalar) buffer Displacement { vec4 displacement[]; };
+layout(scalar) buffer Trend { vec4 trend[]; };            // minus the last step's solution before, x minus that after
 layout(scalar) writeonly buffer CarriedResidual { vec4 carried_residual[]; };      // carried residual b - A x
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= NODES) return;
     uvec4 info = fetch(node_info, i);
+    if (info.w == NODE_KINEMATIC) return;
+    vec4 x = fetch(solution, i);
+    trend[i] += x;
     if (info.w != NODE_FREE) return;
-    vec3 v = velocity[i].xyz + fetch(solution, i).xyz;
+    vec3 v = velocity[i].xyz + x.xyz;
     vec4 undone;
     if (NEWTON) undone = fetch(linear_residual, i);
     else undone = fetch(rhs, i) - fetch(operator_product, i);
@@ -48,10 +52,10 @@ void main() {
     velocity[i] = vec4(v, 0.0);
     Frame frame = frames[info.z];
     if (RIGIDS > 0 && frame.core != NONE) {
-        float x[6] = iterates[solve.current * RIGIDS + frame.core].x;
-        frame.linear += vec3(x[0], x[1], x[2]);
+        float twist[6] = iterates[solve.current * RIGIDS + frame.core].x;
+        frame.linear += vec3(twist[0], twist[1], twist[2]);
         // R1 = exp(h w1) R0 with the new angular velocity w1, so dR = R1^T R0 is the rotation by -h R0^T w1.
-        frame.turn = turn_by(-params.dt * rotate_back(frame.rotation, frame.angular + vec3(x[3], x[4], x[5])));
+        frame.turn = turn_by(-params.dt * rotate_back(frame.rotation, frame.angular + vec3(twist[3], twist[4], twist[5])));
     }
     vec3 d = displacement[i].xyz;
     // R1^T = dR R0^T maps world axes to the axes of the frame at the end.

@@ -32,7 +32,7 @@ layout(constant_id = 9) const uint SKIN_PARTS = 0;      // number of workgroups 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products from solve/gather after the loop
-layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };    // inner products from solve/coarse after the loop
+layout(scalar) readonly buffer CoarseDots { float coarse_dots[]; };   // from solve/coarse after the loop
 READ_ONLY(vec4, restricted_product);     // A x, summed over each block of nodes (shared/twist.glsl)
 READ_ONLY(vec4, contact_forces);       // output of solve/contact_product for the solution
 layout(scalar) readonly buffer Iterations { Iteration iterations[2]; };
@@ -41,6 +41,7 @@ layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Contacts { Contact contacts[]; };
 layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
+layout(scalar) buffer RigidTrends { RigidIterate rigid_trends[]; };      // as in solve/first_residual
 layout(scalar) writeonly buffer Args { uint args[]; };
 layout(scalar) writeonly buffer ReportOut { Report report; };
 layout(scalar) writeonly buffer CoreChanges { float core_changes[]; };     // change of each core's twist, for the host
@@ -81,7 +82,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     uint contact_count = CONTACT ? counts.contacts : 0;
     vec4 sums = vec4(0.0);
-    for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k].x, 0.0) : vec2(0.0));
+    for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k], 0.0) : vec2(0.0));
     float depth = 0.0;
     vec4 forces = vec4(0.0);      // sums of normal forces: x: of the tool's contacts; y: of all others, N
     // Components of `sums`: x: (b - A x) . M^-1 (b - A x); y: number of contacts that are not released; z: number of
@@ -184,6 +185,10 @@ void main() {
             for (int k = 0; k < 2; k++) solve.normal_forces[k] = forces[k];
         }
         for (uint index = 0; index < RIGIDS && done; index++) {
+            for (int k = 0; k < 6; k++) {
+                float trend = rigid_trends[index].x[k] + iterates[solve.current * RIGIDS + index].x[k];
+                rigid_trends[index].x[k] = rigid_trends[RIGIDS + index].x[k] = trend;
+            }
             if (is_check) rigids[index].carried_residual = rigids[index].linear_residual;
             else rigids[index].carried_residual = rigids[index].operator_product;
         }

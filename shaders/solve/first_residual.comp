@@ -12,9 +12,10 @@
 // preconditioner M; D is made of the nodes' 3x3 diagonal blocks of A. Rigid bodies are dynamic cores (bodies inside
 // soft ones, whose motion the solver finds) and the tool (body that the haptic device leads). The kernel sums the inner
 // products of all workgroups; inverts the tool's 6x6 block of A and writes the tool's b; and sets the indirect
-// arguments of the iterations' dispatches. It also chooses the warm start's factor w = (y . M^-1 b) / (y . M^-1 y) with
-// y = A x and x the last step's solution, at which w x has the least residual, so that a warm start is never worse than
-// none (projection on the earlier solution, Fischer 1998). It also sets the limit of the error's energy, at which the
+// arguments of the iterations' dispatches. It also chooses the warm start: the combination f x + g d of the last solution
+// x and the trend d, which is the difference of the last two solutions, whose error e has the least energy e . A e, so
+// that a warm start is never worse than none (projection on earlier solutions, Fischer 1998). In a solve after the
+// step's first, d is minus the last step's solution. It also sets the limit of the error's energy, at which the
 // normal forces are accurate enough. Where b is mere rounding error, as at rest, no iteration is run. There is one
 // workgroup. The f64 reference is oracle::step.
 
@@ -35,14 +36,20 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
 layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b, and the part of it due to rounding
-layout(scalar) readonly buffer Dots { vec2 dots[]; };          // inner products from solve/gather before the loop
-layout(scalar) readonly buffer CoarseDots { vec4 coarse_dots[]; };   // inner products from solve/coarse before the loop
+READ_ONLY(vec4, projections);           // x . b, x . A x and d . A x, from solve/gather
+READ_ONLY(vec4, trend_projections);     // d . b and d . A d, from solve/gather
+layout(scalar) readonly buffer CoarseDots { float coarse_dots[]; };  // b's part of b . M^-1 b, from solve/coarse
 READ_ONLY(vec4, restricted_product);    // A x, summed over each block of nodes (shared/twist.glsl)
+READ_ONLY(vec4, restricted_trend);      // A d, likewise
 READ_ONLY(vec4, coarse_rhs);          // coarse correction for b, from solve/coarse
 READ_ONLY(vec4, coarse_product);        // coarse correction for A x, from solve/coarse
+READ_ONLY(vec4, coarse_trend);          // coarse correction for A d, from solve/coarse
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
 layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 layout(scalar) buffer Iterates { RigidIterate iterates[]; };
+// Trend of each rigid body in x, twice, as the two sets of iterates lie in memory; -x in the step's first solve, to which
+// solve/conclude adds the step's solution.
+layout(scalar) buffer RigidTrends { RigidIterate rigid_trends[]; };
 layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) writeonly buffer Iterations { Iteration iterations[2]; };
 layout(scalar) writeonly buffer Args { uint args[]; };
@@ -52,11 +59,14 @@ layout(scalar) writeonly buffer Args { uint args[]; };
 #include "shared/tool.glsl"
 #include "shared/twist.glsl"
 TWIST_OF(restricted_product)
+TWIST_OF(restricted_trend)
 TWIST_OF(coarse_rhs)
 TWIST_OF(coarse_product)
+TWIST_OF(coarse_trend)
 #include "shared/settle.glsl"
 #include "shared/rigid_inverse.glsl"
 #include "shared/rigid.glsl"
+#include "shared/start.glsl"
 
 // Bound on the error of the normal forces, relative to these forces, as a multiple of the tolerance of the residual:
 // 5 % for presets (tolerance 1e-2), less than the difference of 7 % that a hand just notices.
@@ -68,11 +78,32 @@ const float WEAK_FORCE = 1.0;
 
 const uint CORES = RIGIDS - (TOOL ? 1 : 0);
 
-// Factor w of the warm start; `sums`: b . M^-1 b, an estimate of b . M^-1 b for a b of mere rounding error, y . M^-1 b,
-// y . M^-1 y. The factor is zero at rest, and where the last solution is zero or has overflowed.
-float warm_start_factor(vec4 sums) {
-    float factor = sums.z / sums.w;
-    return sums.x > sums.y && sums.w > 0.0 && !isnan(factor) && !isinf(factor) ? factor : 0.0;
+// Inner products of the warm start's two vectors, the last solution x and the trend d.
+struct Projections {
+    float xb, db;               // x . b, d . b
+    float xx, xd, dd;           // x . A x, x . A d, d . A d
+};
+
+// Least share of d . A d that lies in a direction of its own; where d is more nearly a multiple of x, it is left out.
+const float LEAST_OWN_SHARE = 1.0e-4;
+
+bool is_finite(float x) { return !isnan(x) && !isinf(x); }
+
+// Factors f and g of the warm start f x + g d. They are zero where the solutions are zero or have overflowed.
+vec2 warm_start_factors(Projections p) {
+    float f = p.xb / p.xx;
+    if (!(p.xx > 0.0) || !is_finite(f)) return vec2(0.0);
+    float share = p.xd / p.xx, own = p.dd - p.xd * share;
+    float g = (p.db - share * p.xb) / own;
+    return own > LEAST_OWN_SHARE * p.dd && is_finite(g) ? vec2(f - share * g, g) : vec2(f, 0.0);
+}
+
+// Energy of the difference of the warm start from the last step's solution. The error of the warm start is orthogonal to
+// this difference, so that the energies of both add up.
+float change_by(vec2 factors, Projections p, bool begins) {
+    if (factors == vec2(0.0)) return 0.0;
+    vec2 k = begins ? vec2(factors.x - 1.0, factors.y) : vec2(factors.x, factors.y + 1.0);
+    return k.x * k.x * p.xx + (k.y == 0.0 ? 0.0 : k.y * (2.0 * k.x * p.xd + k.y * p.dd));
 }
 
 // Writes for the tool the inverse of its block of A, its right-hand side b, and, as `rounding`, an estimate of
@@ -153,64 +184,105 @@ float energy_limit() {
     return limit;
 }
 
-// Writes the first iterate of a rigid body; until then the iterate's u and s hold M^-1 b and M^-1 y.
-void start_rigid(uint index, float warm_start) {
-    RigidIterate now = iterates[index];
+// Operator product A d in the rows of a rigid body.
+float[6] trend_product_of(uint index) {
+    bool is_tool = TOOL && index == RIGIDS - 1;
+    uint first = is_tool ? BLOCKS : rigids[index].first_coarse_index, count = is_tool ? 1 : rigids[index].block_count;
+    vec4 turn = is_tool ? vec4(0.0, 0.0, 0.0, 1.0) : frames[rigids[index].frame].rotation;
+    float y[6] = twist_of_restricted_trend(first, count, turn);
+    if (is_tool) {
+        float own[6] = times(params.tool_matrix, rigid_trends[index].x);
+        for (int k = 0; k < 6; k++) y[k] += own[k];
+    }
+    return y;
+}
+
+// Writes the first iterate of a rigid body but for u, and its residual also to `operator_product`.
+void start_rigid(uint index, vec2 factors) {
+    RigidIterate now;
     float last[6] = iterates[solve.current * RIGIDS + index].x;
     for (int k = 0; k < 6; k++) {
-        // Products are skipped where the factor is zero, because the last solution may hold NaN after a failed step.
-        now.x[k] = warm_start != 0.0 ? warm_start * last[k] : 0.0;
-        now.r[k] = rigids[index].b[k] - (warm_start != 0.0 ? warm_start * rigids[index].operator_product[k] : 0.0);
-        now.u[k] -= warm_start != 0.0 ? warm_start * now.s[k] : 0.0;
-        now.p[k] = 0.0;
-        now.s[k] = 0.0;
-    }
-    if (COARSE && index < CORES) {
-        uint coarse_index = rigids[index].first_coarse_index;
-        float of_rhs[6] = twist_of_coarse_rhs(coarse_index, 1, frames[rigids[index].frame].rotation);
-        float of_product[6] = twist_of_coarse_product(coarse_index, 1, frames[rigids[index].frame].rotation);
-        for (int k = 0; k < 6; k++) now.u[k] += of_rhs[k] - (warm_start != 0.0 ? warm_start * of_product[k] : 0.0);
+        // Vectors are skipped where their factors are zero, because they may hold NaN after a failed step.
+        if (factors.x == 0.0) last[k] = 0.0;
+        now.x[k] = factors.x * last[k];
+        now.r[k] = rigids[index].b[k];
+        if (factors.x != 0.0) now.r[k] -= factors.x * rigids[index].operator_product[k];
+        if (factors.y != 0.0) {
+            now.x[k] += factors.y * rigid_trends[index].x[k];
+            now.r[k] -= factors.y * rigids[index].trend_product[k];
+        }
+        now.u[k] = now.p[k] = now.s[k] = 0.0;
+        if (begins_step(solve)) rigid_trends[index].x[k] = rigid_trends[RIGIDS + index].x[k] = -last[k];
+        rigids[index].operator_product[k] = now.r[k];
     }
     iterates[index] = now;
 }
 
+// Writes u = M^-1 r of a rigid body's first iterate.
+void precondition_rigid(uint index, vec2 factors) {
+    float u[6] = preconditioned_rows(index, true);
+    if (COARSE && index < CORES) {
+        uint coarse_index = rigids[index].first_coarse_index;
+        vec4 turn = frames[rigids[index].frame].rotation;
+        float of_rhs[6] = twist_of_coarse_rhs(coarse_index, 1, turn);
+        float of_product[6] = twist_of_coarse_product(coarse_index, 1, turn);
+        float of_trend[6] = twist_of_coarse_trend(coarse_index, 1, turn);
+        for (int k = 0; k < 6; k++) {
+            u[k] += of_rhs[k];
+            if (factors.x != 0.0) u[k] -= factors.x * of_product[k];
+            if (factors.y != 0.0) u[k] -= factors.y * of_trend[k];
+        }
+    }
+    iterates[index].u = u;
+}
+
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    vec4 sums = vec4(0.0);
+    // b . M^-1 b, an estimate of it for a b of mere rounding error, x . b, x . A x; and x . A d, d . b, d . A d.
+    vec4 sums = vec4(0.0), more = vec4(0.0);
     for (uint k = lane; k < BLOCKS; k += SIZE) {
-        sums += vec4(partials[k], dots[k]);
-        if (COARSE) sums += vec4(coarse_dots[k].x, 0.0, coarse_dots[k].yz);
+        vec4 of_last = fetch(projections, k), of_trend = fetch(trend_projections, k);
+        sums += vec4(partials[k], of_last.xy);
+        more += vec4(of_last.z, of_trend.xy, 0.0);
+        if (COARSE) sums.x += coarse_dots[k];
     }
     if (TOOL) assemble_tool();
     settle();
-    for (uint index = lane; index < RIGIDS; index += SIZE) rigids[index].operator_product = product_of(index);
+    for (uint index = lane; index < RIGIDS; index += SIZE) {
+        rigids[index].operator_product = product_of(index);
+        rigids[index].trend_product = trend_product_of(index);
+    }
     settle();
     for (uint index = lane; index < RIGIDS; index += SIZE) {
-        float b[6] = rigids[index].b, y[6] = rigids[index].operator_product;
-        float z[6] = preconditioned_rows(index, false), of_product[6] = preconditioned_rows(index, true);
-        sums += vec4(inner(b, z), ROUNDING * ROUNDING * rigids[index].rounding, inner(y, z), inner(y, of_product));
-        iterates[index].u = z;
-        iterates[index].s = of_product;
+        float b[6] = rigids[index].b, y[6] = rigids[index].operator_product, w[6] = rigids[index].trend_product;
+        float x[6] = iterates[solve.current * RIGIDS + index].x, d[6] = rigid_trends[index].x;
+        sums += vec4(inner(b, preconditioned_rows(index, false)), ROUNDING * ROUNDING * rigids[index].rounding,
+            inner(x, b), inner(x, y));
+        more += vec4(inner(d, y), inner(d, b), inner(d, w), 0.0);
     }
     sums = workgroup_sum(sums);
+    more = workgroup_sum(more);
+    Projections projected = Projections(sums.z, more.y, sums.w, more.x, more.z);
     float limit = UNLIMITED;
     if (CONTACT) limit = energy_limit();
     // After the last of several Newton iterations their solution is taken as it is: its residual is that of the
     // nonlinear equations.
     bool is_check = params.newton > 1 && solve.newton_iterations == params.newton;
-    float warm_start = is_check ? 1.0 : warm_start_factor(sums);
-    for (uint index = lane; index < RIGIDS; index += SIZE) start_rigid(index, warm_start);
+    bool at_rest = is_check || !(sums.x > sums.y);
+    vec2 factors = is_check ? vec2(1.0, 0.0) : (at_rest ? vec2(0.0) : warm_start_factors(projected));
+    for (uint index = lane; index < RIGIDS; index += SIZE) start_rigid(index, factors);
+    settle();
+    for (uint index = lane; index < RIGIDS; index += SIZE) precondition_rigid(index, factors);
     barrier();
     if (lane != 0) return;
-    bool at_rest = is_check || !(sums.x > sums.y);
     if (solve.newton_iterations == 0) solve.first_norm2 = sums.x;
-    solve.warm_start = warm_start;
+    solve.warm_start = float[2](factors.x, factors.y);
     solve.rhs_norm2 = sums.x;
     solve.floor_norm2 = sums.y;
     solve.current = 0;
     solve.status = at_rest ? STATUS_CONVERGED : STATUS_RUNNING;
     solve.energy_limit = limit;
-    iterations[0] = Iteration(0.0, 0.0, 0, vec4(0.0), 0.0);
+    iterations[0] = Iteration(0.0, 0.0, 0, vec4(0.0), change_by(factors, projected, begins_step(solve)));
     iterations[1] = Iteration(0.0, 0.0, 0, vec4(0.0), 0.0);
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;
     args[3 * ARGS_LOOP_ELEMENT_PRODUCT] = on * groups_of(TETRAHEDRA);

@@ -12,7 +12,8 @@
 // workgroup works on; its modes are the basis of the preconditioner's coarse space (shared/coarse_vector.glsl). For
 // nodes attached to a rigid core (rigid body inside a soft one) the core's six rows take the place of modes. D is made
 // of the nodes' 3x3 diagonal blocks of A. MODE selects p, the two inner products and what some buffers hold:
-//   GATHER_WARM_START, before the loop: p the last solution; w . D^-1 b, w . D^-1 w; `preconditioned` is D^-1 b.
+//   GATHER_WARM_START, before the loop: p the last solution or the trend d, which is the difference of the last two
+//     solutions; p . b, p . w and d . w, without the rows of cores and tool; `residual_or_rhs` is b.
 //   GATHER_LOOP, in an iteration: p = u = M^-1 r; r . u, w . u, including the rows of cores and tool; `preconditioned`
 //     is u, `residual_or_rhs` is r.
 //   GATHER_END, after the loop: p the solution x; r . D^-1 r with r = b - w; and e . M^-1 e, where e = HALF_ULP D x
@@ -52,12 +53,14 @@ layout(scalar) readonly buffer Contacts { Contact contacts[]; };
 READ_ONLY(vec4, contact_forces);
 READ_ONLY(vec4, change);          // p
 READ_ONLY(vec4, preconditioned);
+READ_ONLY(vec4, trend);
 READ_ONLY(vec4, residual_or_rhs);
 READ_ONLY(vec4, inverse);         // D^-1, two texels per node
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) writeonly buffer OperatorProduct { vec4 operator_product[]; };      // w
 layout(scalar) writeonly buffer Dots { vec2 dots[]; };
+layout(scalar) writeonly buffer Projections { vec4 projections[]; };     // inner products of GATHER_WARM_START
 layout(scalar) writeonly buffer RestrictedProduct { vec4 restricted_product[]; };  // P^T w, three texels per block
 layout(scalar) writeonly buffer RestrictedResidual { vec4 restricted_residual[]; };   // P^T r
 layout(scalar) readonly buffer SolveIn { Solve solve; };
@@ -148,7 +151,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
         }
         vec3 r = vec3(0.0);
         if (MODE == GATHER_WARM_START) {
-            sums.xy += vec2(dot(w, fetch(preconditioned, i).xyz), dot(w, precondition_node(i, w)));
+            sums += vec3(dot(p, fetch(residual_or_rhs, i).xyz), dot(p, w), dot(fetch(trend, i).xyz, w));
         } else if (MODE == GATHER_LOOP) {
             r = fetch(residual_or_rhs, i).xyz;
             vec3 u = fetch(preconditioned, i).xyz;
@@ -225,13 +228,14 @@ void main() {
     workgroup_sums(totals, COARSE && ROLE != TOOL_ROWS ? 7 : (ROLE == FREE_NODES ? 1 : 4));
     if (gl_LocalInvocationID.x != 0) return;
     vec2 products = totals[0].xy;
+    if (MODE == GATHER_WARM_START) projections[b] = totals[0];
     if (ROLE == FREE_NODES && !COARSE) {
-        dots[b] = products;
+        if (MODE != GATHER_WARM_START) dots[b] = products;
         return;
     }
     uint coarse_index = ROLE == TOOL_ROWS ? BLOCKS : coarse_index_of(b);
     if (MODE == GATHER_END && COARSE && ROLE == FREE_NODES) products.y += coarse_share(coarse_index) * totals[0].z;
-    dots[b] = products;
+    if (MODE != GATHER_WARM_START) dots[b] = products;
     vec4 turn = ROLE == TOOL_ROWS ? vec4(0.0, 0.0, 0.0, 1.0) : fetch(block_turns, b);
     w = packed(to_frame(unpacked(totals[1], totals[2], totals[3]), turn));
     r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));

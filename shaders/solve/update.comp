@@ -116,7 +116,7 @@ bool next_scalars(out Scalars scalars) {
     // The magnitude of gamma is compared: a gamma far below zero (M is then not positive definite) is no convergence.
     bool is_small = abs(gamma) <= enough;
     bool is_loose = abs(gamma) <= params.loosest * params.loosest * solve.rhs_norm2;
-    is_small = is_small || is_loose && error_energy_left(last) <= STEP_ERROR_SHARE * last.removed;
+    is_small = is_small || is_loose && error_energy_left(last) <= STEP_ERROR_SHARE * last.change;
     if (CONTACT && is_small) is_small = abs(gamma) <= solve.floor_norm2 || normal_forces_are_accurate(last);
     if (is_small) {
         stop(STATUS_CONVERGED);
@@ -138,7 +138,7 @@ bool next_scalars(out Scalars scalars) {
     scalars.alpha = gamma / curvature;
     if (LEADS && gl_WorkGroupID.x == 0 && gl_LocalInvocationID.x == 0) {
         vec4 energies = vec4(scalars.alpha * gamma, last.energies.xyz);
-        iterations[1 - set] = Iteration(gamma, scalars.alpha, last.count + 1, energies, last.removed + energies.x);
+        iterations[1 - set] = Iteration(gamma, scalars.alpha, last.count + 1, energies, last.change + energies.x);
         solve.current = 1 - set;
     }
     return true;

@@ -62,6 +62,7 @@ pub struct Solve {
     coarse_rhs: Buffer,
     coarse_product: Buffer,
     coarse_dots: Buffer,
+    trend: Trend,
     /// One [`shaders::Rigid`] per rigid body, the tool's last.
     pub rigids: Buffer,
     /// Two sets, each of one [`shaders::RigidIterate`] per rigid body; an iteration reads one set and writes the other.
@@ -82,7 +83,7 @@ pub struct Solve {
     pub(super) rhs: Buffer,
     carried_residual: Buffer,
     inverse: Buffer,
-    /// Change of velocity of the nodes; the next step's iterations start from a multiple of it.
+    /// Change of velocity of the nodes; the next step's iterations start from it and from the trend.
     pub solution: Buffer,
     residual: Both,
     preconditioned: Both,
@@ -91,6 +92,7 @@ pub struct Solve {
     pub(super) operator_product: Buffer,
     partials: Buffer,
     dots: Buffer,
+    projections: Buffer,
 }
 
 /// Two copies of an array, called sets 0 and 1, of which an iteration reads one and writes the other. `now` and `next`
@@ -110,6 +112,18 @@ impl Both {
     fn next(&self, set: u32) -> &Buffer {
         &self.next[1 - set as usize]
     }
+}
+
+/// The second vector of the warm start, beside the solution: the difference of the last two solutions; in solves of a step
+/// after its first, minus the last step's solution. And what its operator product leads to.
+struct Trend {
+    nodes: Buffer,
+    /// As `iterates`, with this vector as x in both sets.
+    rigids: Buffer,
+    operator_product: Buffer,
+    restricted_product: Buffer,
+    coarse_product: Buffer,
+    projections: Buffer,
 }
 
 /// A kernel specialised for one role, which is the kind of rows of A that it works on: free nodes, nodes attached to
@@ -247,7 +261,7 @@ impl Solve {
             restricted_direction: coarse_vectors("restricted_direction", 2)?,
             coarse_rhs: coarse_vectors("coarse_rhs", 1)?,
             coarse_product: coarse_vectors("coarse_product", 1)?,
-            coarse_dots: coarse_vectors("coarse_dots", 1)?,
+            coarse_dots: array::<f32>(context, "coarse_dots", if is_coarse { groups } else { 0 })?,
             rigids: upload_or_nothing(context, "rigids", &rigids_at_rest)?,
             rigid_blocks: array::<f32>(context, "rigid_blocks", shaders::CORE_NUMBERS as usize * model.cores.len())?,
             rigid_inverses: array::<f32>(context, "rigid_inverses", inverse_numbers)?,
@@ -267,6 +281,18 @@ impl Solve {
             operator_product: vector("operator_product")?,
             partials: array::<[f32; 2]>(context, "partials", groups)?,
             dots: array::<[f32; 2]>(context, "dots", groups)?,
+            projections: array::<[f32; 4]>(context, "projections", groups)?,
+            trend: Trend {
+                nodes: vector("trend")?.known_as(&["trend", "change"]),
+                rigids: zeros::<shaders::RigidIterate>(context, "rigid_trends", all)?
+                    .known_as(&["rigid_trends", "iterates"]),
+                operator_product: vector("trend_product")?.known_as(&["trend_product", "operator_product"]),
+                restricted_product: block_vectors("restricted_trend", 1)?
+                    .known_as(&["restricted_trend", "restricted_product"]),
+                coarse_product: coarse_vectors("coarse_trend", 1)?,
+                projections: array::<[f32; 4]>(context, "trend_projections", groups)?
+                    .known_as(&["trend_projections", "projections"]),
+            },
         })
     }
 }
@@ -279,10 +305,13 @@ impl Solve {
         self.coarse_scales.write(&model.coarse.scales)
     }
 
-    /// The arrays that a step leaves for the next: the solution and the carried residual, of nodes and of rigid bodies,
-    /// the solver's state, and the rotations of the blocks.
-    pub fn state(&self) -> [&Buffer; 6] {
-        [&self.solution, &self.carried_residual, &self.rigids, &self.iterates, &self.state, &self.block_rotations]
+    /// The arrays that a step leaves for the next: the solution, the trend and the carried residual, of nodes and of
+    /// rigid bodies, the solver's state, and the rotations of the blocks.
+    pub fn state(&self) -> [&Buffer; 8] {
+        let of_nodes = [&self.solution, &self.trend.nodes, &self.carried_residual];
+        let of_rigids = [&self.rigids, &self.iterates, &self.trend.rigids];
+        let ([a, b, c], [d, e, f]) = (of_nodes, of_rigids);
+        [a, b, c, d, e, f, &self.state, &self.block_rotations]
     }
 }
 

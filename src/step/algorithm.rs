@@ -25,8 +25,11 @@ use crate::stages::gap::Skins;
 use crate::stages::touch::TouchStages;
 use crate::{Error, Result};
 
-/// Number of iterations in the shortest plan; each further plan has twice as many.
-const SHORTEST_PLAN: u32 = 16;
+/// Number of iterations in the shortest plan.
+const SHORTEST_PLAN: u32 = 8;
+/// From this number of iterations on, each plan has twice as many as the one before. Shorter plans differ less, since a
+/// GPU takes as long for three passes that find no work as for three that find little.
+const DOUBLED_FROM: u32 = 64;
 /// Number of iterations that a step's plan has beyond those that the last step needed, so that most steps need one
 /// submit.
 const SPARE_ITERATIONS: u32 = 4;
@@ -135,7 +138,11 @@ fn iterate(stages: &Stages, max_iterations: u32, blank: Blank) -> Result<Vec<(u3
         if length > max_iterations {
             return Ok(plans);
         }
-        length *= 2;
+        length = match length {
+            DOUBLED_FROM.. => 2 * length,
+            _ if length.is_power_of_two() => length / 2 * 3,
+            _ => length / 3 * 4,
+        };
     }
 }
 

@@ -268,6 +268,7 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         // Sums of contact forces of the step before; they stay until a step is accepted.
         let mut kept = [3.0, 5.0];
         passes.state.normal_forces = kept.map(|force| force as f32);
+        let trends = passes.rigid_trends[0].x;
         for (retries, status) in [(0, 1), (3, 2), (4, 1), (0, 0)] {
             passes.system.contacts = before.clone();
             passes.system.counts.released = 0;
@@ -305,6 +306,10 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
             assert_eq!(passes.state.retries, retries + u32::from(again));
             assert_eq!(passes.system.counts.released, if again { released as u32 } else { 0 });
             assert_eq!(report.flags, if status != 0 && !again { NOT_CONVERGED | PULLING } else { 0 });
+            // The trend of an accepted step is its solution, to which the step's first solve added minus the last one.
+            let moved: [f32; 6] = std::array::from_fn(|k| trends[k] + tool_x[k]);
+            let want = if report.verdict == DONE { moved } else { trends };
+            assert!(passes.rigid_trends.iter().all(|set| set.x == want), "trend of the tool");
             if status == 0 || again {
                 assert_eq!(granted(&passes), [UNTOUCHED; 2]);
                 assert_eq!(passes.rigids[0].carried_residual, [0.0; 6]);
@@ -334,6 +339,7 @@ fn the_state_moves_by_hand() {
     passes.system.velocity = vec![[0.0, 1.0, 0.0, 0.0]; 4];
     passes.system.displacement = vec![[0.5, 0.0, 0.0, 0.0]; 4];
     passes.solution = vec![[0.0, 3.0, 0.0, 0.0]; 4];
+    passes.trend = vec![[1.0, -2.0, 0.0, 0.0]; 4];
     (passes.rhs, passes.operator_product) = (vec![[5.0, 6.0, 7.0, 0.0]; 4], vec![[4.0, 4.0, 4.0, 0.0]; 4]);
     passes.commit();
     let [first, .., last] = &passes.system.displacement[..] else { panic!("fewer than two nodes") };
@@ -347,6 +353,8 @@ fn the_state_moves_by_hand() {
         "displacement and velocity of the attached node"
     );
     assert_eq!(passes.carried_residual[3], [0.0; 4]);
+    let prescribed = [1.0, -2.0, 0.0, 0.0];
+    assert_eq!(passes.trend, [[1.0, 1.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], prescribed]);
 }
 
 #[test]

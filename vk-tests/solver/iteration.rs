@@ -36,13 +36,13 @@ fn two_iterations_by_hand() {
     for (dots, iteration, p, x) in [
         (
             vec![[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]],
-            Iteration { gamma: 6.0, alpha: 0.5, count: 1, energies: [3.0, 0.0, 0.0, 0.0], removed: 3.0 },
+            Iteration { gamma: 6.0, alpha: 0.5, count: 1, energies: [3.0, 0.0, 0.0, 0.0], change: 3.0 },
             1.0,
             0.5,
         ),
         (
             vec![[3.0, 5.0]],
-            Iteration { gamma: 3.0, alpha: 1.5, count: 2, energies: [4.5, 3.0, 0.0, 0.0], removed: 7.5 },
+            Iteration { gamma: 3.0, alpha: 1.5, count: 2, energies: [4.5, 3.0, 0.0, 0.0], change: 7.5 },
             1.5,
             2.75,
         ),
@@ -73,7 +73,7 @@ fn it_stops_where_it_should() {
         let mut passes = bare();
         passes.dots = vec![[gamma, delta]];
         passes.state.current = 1;
-        passes.iterations[1] = Iteration { gamma: 8.0, alpha: 0.5, count: 3, energies: [4.0; 4], removed: 16.0 };
+        passes.iterations[1] = Iteration { gamma: 8.0, alpha: 0.5, count: 3, energies: [4.0; 4], change: 16.0 };
         change(&mut passes);
         let (before, iterations) = (passes.state, passes.iterations);
         passes.update();
@@ -161,7 +161,7 @@ fn tools_rows(set: u32) {
     // is added.
     assert_eq!(passes.dots.len(), 3, "number of inner products: of two blocks of nodes and of the tool");
     (passes.dots[0], passes.dots[1]) = ([30.0, 40.0], [10.0, 60.0]);
-    passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1, energies: [0.0; 4], removed: 0.0 };
+    passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1, energies: [0.0; 4], change: 0.0 };
     let before = passes.tool_iterate();
     passes.update();
     assert_eq!((passes.state.current, passes.iterations_done()), (1 - set, 2));
@@ -219,7 +219,7 @@ fn vectors_follow_the_scalars_at_every_size() {
         // gives beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) = 0.7.
         let set = case % 2;
         passes.state.current = set as u32;
-        passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1, energies: [0.0; 4], removed: 0.0 };
+        passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1, energies: [0.0; 4], change: 0.0 };
         let share = 1.0 / passes.blocks().max(1) as f32;
         passes.dots = vec![[share, share * (1.0 / 0.7 - 0.4)]; passes.blocks()];
         let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };

@@ -12,5 +12,5 @@ mod iteration;
 mod joints;
 mod operator;
 pub mod passes;
-mod start;
+pub mod start;
 mod whole;

@@ -284,6 +284,8 @@ fn inner_products_of_every_mode() {
         passes.assemble();
         passes.solution = passes.system.random_field(&mut random);
         passes.residual = passes.system.random_field(&mut random);
+        passes.preconditioned = passes.system.random_field(&mut random);
+        passes.trend = passes.system.random_field(&mut random);
         for mode in 0..3 {
             passes.apply(if mode == 1 { Change::Preconditioned } else { Change::Solution });
             passes.gather(mode);
@@ -295,19 +297,25 @@ fn inner_products_of_every_mode() {
             };
             let left: Vec<f64> = wide(&passes.rhs).iter().zip(&w).map(|(b, w)| b - w).collect();
             let pairs = match mode {
-                0 => [(w.clone(), first), (w.clone(), conditioned(&w))],
-                1 => [(wide(&passes.residual), first.clone()), (w, first)],
+                0 => {
+                    let x = wide(&passes.solution);
+                    vec![(x.clone(), wide(&passes.rhs)), (x, w.clone()), (wide(&passes.trend), w)]
+                }
+                1 => vec![(wide(&passes.residual), first.clone()), (w, first)],
                 // The last inner product is (eps x)^2 . D, with the rounding unit eps and the diagonal D of A: the
                 // squared residual that rounding of x leaves.
                 _ => {
                     let lost: Vec<f64> = wide(&passes.solution).iter().map(|x| 6e-8 * x).collect();
                     let diagonal = |i: usize| 1.0 / f64::from(passes.inverse[2 * (i / 3)][i % 3]);
                     let moved = lost.iter().enumerate().map(|(i, x)| if *x == 0.0 { 0.0 } else { x * diagonal(i) });
-                    [(left.clone(), conditioned(&left)), (lost.clone(), moved.collect())]
+                    vec![(left.clone(), conditioned(&left)), (lost.clone(), moved.collect())]
                 }
             };
             for (k, (a, b)) in pairs.iter().enumerate() {
-                let got: f64 = passes.dots.iter().map(|d| f64::from(d[k])).sum();
+                let got: f64 = match mode {
+                    0 => passes.projections.iter().map(|d| f64::from(d[k])).sum(),
+                    _ => passes.dots.iter().map(|d| f64::from(d[k])).sum(),
+                };
                 let error = (got - dot(a, b)).abs();
                 assert!(
                     error <= DOT * magnitude(a, b),

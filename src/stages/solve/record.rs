@@ -6,15 +6,16 @@ use std::mem::offset_of;
 
 use super::super::Common;
 use super::super::elastic::Elastic;
-use super::{Solve, Variant};
+use super::{Solve, Trend, Variant};
 use crate::gpu::{Buffer, Kernel, Recorder};
 use crate::shaders;
 
-/// The vector that the operator is applied to: the latest solution, or the preconditioned residual of one set of
-/// iterates.
+/// The vector that the operator is applied to: the latest solution, the trend (see [`super::Trend`]), or the
+/// preconditioned residual of one set of iterates.
 #[derive(Clone, Copy)]
 enum Change {
     Solution,
+    Trend,
     Preconditioned { set: u32 },
 }
 
@@ -53,7 +54,6 @@ impl Solve {
                 carried_residual: &self.carried_residual,
                 rigids: &self.rigids,
                 rhs: &self.rhs,
-                preconditioned: self.preconditioned.now(0),
                 inverse: &self.inverse,
                 partials: &self.partials,
                 restricted_rhs: &self.restricted_rhs,
@@ -66,8 +66,10 @@ impl Solve {
             self.block_count,
         );
         self.record_cores(recorder, common, elastic);
-        self.record_product(recorder, common, elastic, Change::Solution);
-        self.record_gather(recorder, common, elastic, &self.gather_warm_start, None);
+        for change in [Change::Solution, Change::Trend] {
+            self.record_product(recorder, common, elastic, change);
+            self.record_gather(recorder, common, elastic, &self.gather_warm_start, change);
+        }
         if let Some(coarse) = &self.coarse {
             self.record_coarse(recorder, &coarse.warm_start, &self.restricted_rhs);
         }
@@ -79,14 +81,18 @@ impl Solve {
                 counts: Some(&common.counts),
                 contacts: touch.map(|touch| &touch.contacts),
                 partials: &self.partials,
-                dots: &self.dots,
+                projections: &self.projections,
+                trend_projections: &self.trend.projections,
                 coarse_dots: Some(&self.coarse_dots),
                 restricted_product: &self.restricted_product,
+                restricted_trend: &self.trend.restricted_product,
                 coarse_rhs: Some(&self.coarse_rhs),
                 coarse_product: Some(&self.coarse_product),
+                coarse_trend: Some(&self.trend.coarse_product),
                 rigids: &self.rigids,
                 rigid_inverses: &self.rigid_inverses,
                 iterates: &self.iterates,
+                rigid_trends: &self.trend.rigids,
                 solve: &self.state,
                 iterations: &self.iterations,
                 args: &common.args,
@@ -105,11 +111,14 @@ impl Solve {
                 node_rest: &elastic.node_rest,
                 rhs: &self.rhs,
                 operator_product: &self.operator_product,
+                trend_product: &self.trend.operator_product,
                 inverse: &self.inverse,
                 coarse_rhs: Some(&self.coarse_rhs),
                 coarse_product: Some(&self.coarse_product),
+                coarse_trend: Some(&self.trend.coarse_product),
                 iterates: &self.iterates,
                 solution: &self.solution,
+                trend: &self.trend.nodes,
                 residual: self.residual.now(0),
                 preconditioned: self.preconditioned.now(0),
                 direction: self.direction.now(0),
@@ -128,7 +137,7 @@ impl Solve {
         for iteration in 0..iterations.next_multiple_of(2) {
             let set = iteration % 2;
             self.record_product(recorder, common, elastic, Change::Preconditioned { set });
-            self.record_gather(recorder, common, elastic, &self.gather_loop, Some(set));
+            self.record_gather(recorder, common, elastic, &self.gather_loop, Change::Preconditioned { set });
             let arguments = shaders::solve::Update {
                 set,
                 params: &common.params,
@@ -182,7 +191,7 @@ impl Solve {
         recorder.stage("solve");
         let touch = self.touch.as_ref();
         self.record_product(recorder, common, elastic, Change::Solution);
-        self.record_gather(recorder, common, elastic, &self.gather_final, None);
+        self.record_gather(recorder, common, elastic, &self.gather_final, Change::Solution);
         if let Some(coarse) = &self.coarse {
             self.record_coarse(recorder, &coarse.end, &self.restricted_residual);
         }
@@ -201,6 +210,7 @@ impl Solve {
                 contacts: touch.map(|touch| &touch.contacts),
                 solve: &self.state,
                 rigids: &self.rigids,
+                rigid_trends: Some(&self.trend.rigids),
                 args: &common.args,
                 report: &common.report,
                 core_changes: Some(&self.core_changes),
@@ -221,6 +231,7 @@ impl Solve {
             iterates: Some(&self.iterates),
             velocity: &elastic.velocity,
             displacement: &elastic.displacement,
+            trend: &self.trend.nodes,
             carried_residual: &self.carried_residual,
         };
         recorder.dispatch_indirect(&self.commit, &arguments, &common.args, shaders::ARGS_COMMIT);
@@ -229,7 +240,8 @@ impl Solve {
     /// Records the passes that stop all motion and clear the residual that is carried over to the next step.
     pub fn record_stop(&self, recorder: &mut Recorder, elastic: &Elastic) {
         recorder.stage("solve");
-        for buffer in [&elastic.velocity, &self.carried_residual, &self.solution, &self.iterates] {
+        let Trend { nodes, rigids, .. } = &self.trend;
+        for buffer in [&elastic.velocity, &self.carried_residual, &self.solution, &self.iterates, nodes, rigids] {
             recorder.fill(buffer, 0);
         }
         for rigid in 0..self.rigid_count {
@@ -245,8 +257,10 @@ impl Solve {
             coarse_scales: &self.coarse_scales,
             restricted_rhs: rhs,
             restricted_product: &self.restricted_product,
+            restricted_trend: &self.trend.restricted_product,
             coarse_rhs: &self.coarse_rhs,
             coarse_product: &self.coarse_product,
+            coarse_trend: &self.trend.coarse_product,
             coarse_dots: &self.coarse_dots,
         };
         recorder.dispatch_groups(kernel, &arguments, self.block_count);
@@ -278,9 +292,10 @@ impl Solve {
     /// Records the operator's product with a vector, element by element: tetrahedra, F-bar patches (groups of
     /// tetrahedra that share one volumetric strain) and contacts.
     fn record_product(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
-        let (of_solution, set, vector) = match change {
-            Change::Solution => (1, 0, &self.solution),
-            Change::Preconditioned { set } => (0, set, self.preconditioned.now(set)),
+        let (of_solution, set, vector, iterates) = match change {
+            Change::Solution => (1, 0, &self.solution, &self.iterates),
+            Change::Trend => (1, 0, &self.trend.nodes, &self.trend.rigids),
+            Change::Preconditioned { set } => (0, set, self.preconditioned.now(set), &self.iterates),
         };
         let in_loop = of_solution == 0;
         let of_elements = shaders::solve::ElementProduct {
@@ -323,7 +338,7 @@ impl Solve {
                     entry_nodes: &touch.entry_nodes,
                     entry_weights: &touch.entry_weights,
                     solve: Some(&self.state),
-                    iterates: Some(&self.iterates),
+                    iterates: Some(iterates),
                     contact_forces: &touch.contact_forces,
                 };
                 let args_index = if in_loop { shaders::ARGS_LOOP_CONTACT_PRODUCT } else { shaders::ARGS_CONTACTS };
@@ -333,23 +348,24 @@ impl Solve {
     }
 
     /// Records the passes that sum the products of elements and contacts at the nodes, and take the inner products of
-    /// vectors that conjugate gradients need. `set`: the set of iterates that is read; `None` outside the solver's
-    /// loop.
+    /// vectors that conjugate gradients need. `change`: the vector that the products are with.
     fn record_gather(
         &self,
         recorder: &mut Recorder,
         common: &Common,
         elastic: &Elastic,
         kernels: &[Variant],
-        set: Option<u32>,
+        change: Change,
     ) {
         // The constant MODE of the kernel solve/gather determines between which vectors it takes inner products.
-        let (change, preconditioned, residual_or_rhs) = match set {
-            Some(set) => {
-                let now = self.preconditioned.now(set);
-                (now, now, self.residual.now(set))
-            }
-            None => (&self.solution, self.preconditioned.now(0), &self.rhs),
+        let set = if let Change::Preconditioned { set } = change { Some(set) } else { None };
+        let preconditioned = self.preconditioned.now(set.unwrap_or_default());
+        let residual_or_rhs = set.map_or(&self.rhs, |set| self.residual.now(set));
+        let vector = if set.is_some() { preconditioned } else { &self.solution };
+        let usual = (vector, &self.iterates, &self.operator_product, &self.restricted_product, &self.projections);
+        let (change, iterates, operator_product, restricted_product, projections) = match (change, &self.trend) {
+            (Change::Trend, t) => (&t.nodes, &t.rigids, &t.operator_product, &t.restricted_product, &t.projections),
+            _ => usual,
         };
         let touch = self.touch.as_ref();
         let arguments = shaders::solve::Gather {
@@ -370,13 +386,15 @@ impl Solve {
             contact_forces: touch.map(|touch| &touch.contact_forces),
             change: Some(change),
             preconditioned: Some(preconditioned),
+            trend: Some(&self.trend.nodes),
             residual_or_rhs: Some(residual_or_rhs),
             inverse: Some(&self.inverse),
             rigids: Some(&self.rigids),
-            iterates: Some(&self.iterates),
-            operator_product: Some(&self.operator_product),
-            dots: &self.dots,
-            restricted_product: &self.restricted_product,
+            iterates: Some(iterates),
+            operator_product: Some(operator_product),
+            dots: Some(&self.dots),
+            projections: Some(projections),
+            restricted_product,
             restricted_residual: Some(&self.restricted_residual),
             solve: Some(&self.state),
             coarse_scales: Some(&self.coarse_scales),

@@ -16,6 +16,7 @@ use super::super::passes::{Change, Passes};
 use super::{coarse_vector_of, host_inverse, kinds, large_core, product, soft_and_stiff, turned};
 use crate::harness::context;
 use crate::harness::random::Random;
+use crate::solver::start::expect_factors;
 use crate::solver::system::{System, layer, triples, two_layers, two_layers_one_on_a_core, two_layers_one_on_a_hinge};
 
 /// Greatest allowed error of a sum of f32 products, relative to the sum of the terms' magnitudes: some hundred
@@ -185,11 +186,17 @@ fn follow(what: &str, system: System) -> f64 {
         .collect::<Vec<_>>();
     let x = random_unknowns(&passes.system, &mut random, 5.0);
     passes.carried_residual = only_free(&passes, node_vectors(&passes.system, &left));
+    let trend = random_unknowns(&passes.system, &mut random, 5.0);
     passes.solution = node_vectors(&passes.system, &x);
+    passes.trend = node_vectors(&passes.system, &trend);
     passes.state.current = 1;
     for index in 0..passes.rigids.len() {
         passes.rigids[index].carried_residual = six(&passes, index, &left);
         passes.rigid(index).x = six(&passes, index, &x);
+        let (of_trend, count) = (six(&passes, index, &trend), passes.rigids.len());
+        for at in [index, count + index] {
+            passes.rigid_trends[at].x = of_trend;
+        }
     }
     let (a, mut b) = passes.system.twin.assemble(passes.system.device.as_ref(), &passes.system.twin_contacts);
     b.iter_mut().zip(&left).for_each(|(b, left)| *b += left);
@@ -225,13 +232,27 @@ fn follow(what: &str, system: System) -> f64 {
         "{what}: the restricted residual must still be zero"
     );
 
+    passes.apply(Change::Trend);
+    passes.gather_trend();
+    let y_trend = a.multiply(&trend);
+    let of_y_trend = absolute.restricted(&vec![largest(&y_trend); y_trend.len()]);
+    worst = worst.max(expect_within(
+        &format!("{what}: P^T A d"),
+        &summed(&passes, flat(&passes.restricted_trend)),
+        &twin.restricted(&y_trend),
+        &of_y_trend,
+        SUM,
+    ));
+
     passes.coarse(true);
     let count = BLOCK_UNKNOWNS * passes.blocks();
-    let (of_rhs, of_product) =
-        (flat(&passes.restricted_rhs)[..count].to_vec(), flat(&passes.restricted_product)[..count].to_vec());
-    for (name, got, from) in
-        [("A_c^-1 P^T b", &passes.coarse_rhs, &of_rhs), ("A_c^-1 P^T A x", &passes.coarse_product, &of_product)]
-    {
+    let [of_rhs, of_product, of_trend] = [&passes.restricted_rhs, &passes.restricted_product, &passes.restricted_trend]
+        .map(|all| flat(all)[..count].to_vec());
+    for (name, got, from) in [
+        ("A_c^-1 P^T b", &passes.coarse_rhs, &of_rhs),
+        ("A_c^-1 P^T A x", &passes.coarse_product, &of_product),
+        ("A_c^-1 P^T A d", &passes.coarse_trend, &of_trend),
+    ] {
         let sizes = product(&absolute.inverse, &magnitudes(from));
         worst = worst.max(expect_within(
             &format!("{what}: {name}"),
@@ -241,35 +262,23 @@ fn follow(what: &str, system: System) -> f64 {
             SUM,
         ));
     }
-    // Coarse inner products 0 to 2, each through A_c^-1: of P^T b with itself, of P^T A x with P^T b, and of P^T A x
-    // with itself.
-    let dots: [f64; 3] = std::array::from_fn(|k| passes.coarse_dots.iter().map(|d| f64::from(d[k])).sum());
-    let (z_b, z_y) = (flat(&passes.coarse_rhs), flat(&passes.coarse_product));
-    for (k, (u, v)) in [(&of_rhs, &z_b), (&of_product, &z_b), (&of_product, &z_y)].into_iter().enumerate() {
-        let size = dot(&magnitudes(u), &magnitudes(v));
-        expect_within(&format!("{what}: coarse inner product {k}"), &dots[k..=k], &[dot(u, v)], &[size], SUM);
-    }
+    let (sum, z_b) = (passes.coarse_dots.iter().map(|d| f64::from(*d)).sum::<f64>(), flat(&passes.coarse_rhs));
+    let size = dot(&magnitudes(&of_rhs), &magnitudes(&z_b));
+    expect_within(&format!("{what}: coarse inner product"), &[sum], &[dot(&of_rhs, &z_b)], &[size], SUM);
 
     passes.start();
-    let (warm_start, m_b, m_y) =
-        (f64::from(passes.state.warm_start), twin.preconditioned(&passes, &b), twin.preconditioned(&passes, &y));
-    let norms = (dot(&b, &m_b), dot(&y, &m_y));
+    let norm2 = dot(&b, &twin.preconditioned(&passes, &b));
     // The tolerance, 1e-4, is that of inner products through blocks inverted in f32.
     assert!(
-        (f64::from(passes.state.rhs_norm2) - norms.0).abs() < 1e-4 * norms.0,
-        "{what}: b.M^-1 b is {}, expected {}",
+        (f64::from(passes.state.rhs_norm2) - norm2).abs() < 1e-4 * norm2,
+        "{what}: b.M^-1 b is {}, expected {norm2}",
         passes.state.rhs_norm2,
-        norms.0
     );
-    let wanted = dot(&y, &m_b) / norms.1;
-    assert!(
-        (warm_start - wanted).abs() < 1e-4 * (norms.0 / norms.1).sqrt(),
-        "{what}: factor of the warm start {warm_start}, expected {wanted}"
-    );
+    let [f, g] = expect_factors(&what, &passes.state, &b, [&x, &trend], [&y, &y_trend]);
     passes.begin();
-    let r: Vec<f64> = b.iter().zip(&y).map(|(b, y)| b - warm_start * y).collect();
+    let r: Vec<f64> = (0..b.len()).map(|k| b[k] - f * y[k] - g * y_trend[k]).collect();
     let got = passes.unknowns(&passes.residual, |now| now.r);
-    let size = largest(&b).max(warm_start.abs() * largest(&y));
+    let size = largest(&b).max(f.abs() * largest(&y)).max(g.abs() * largest(&y_trend));
     expect_within(&format!("{what}: r"), &got, &r, &vec![size; r.len()], SUM);
     worst = worst.max(expect_preconditioned(&format!("{what}: begin"), &passes, &twin));
 
@@ -334,7 +343,7 @@ fn follow(what: &str, system: System) -> f64 {
     let z = product(&twin.inverse, &left);
     let sizes = product(&absolute.inverse, &magnitudes(&left));
     expect_within(&format!("{what}: A_c^-1 P^T (b - A x)"), &flat(&passes.coarse_rhs), &z, &sizes, SUM);
-    let sum: f64 = passes.coarse_dots.iter().map(|d| f64::from(d[0])).sum();
+    let sum: f64 = passes.coarse_dots.iter().map(|d| f64::from(*d)).sum();
     expect_within(
         &format!("{what}: (b - A x)^T P A_c^-1 P^T (b - A x)"),
         &[sum],

@@ -57,7 +57,6 @@ impl Passes {
             .input("carried_residual", &self.carried_residual)
             .input("rigids", &self.rigids)
             .partial("rhs", &unwritten::<[f32; 4]>(nodes))
-            .partial("preconditioned", &unwritten::<[f32; 4]>(nodes))
             .partial("inverse", &unwritten::<[f32; 4]>(2 * nodes))
             .output::<[f32; 2]>("partials", blocks)
             .output::<[f32; 4]>("restricted_rhs", 3 * blocks)
@@ -70,8 +69,7 @@ impl Passes {
             .groups(blocks)
             .run();
         let roles = self.roles();
-        let of_nodes = |name: &str| settled(name, outcome.get(name), |i| roles[i].is_some());
-        (self.rhs, self.preconditioned) = (of_nodes("rhs"), of_nodes("preconditioned"));
+        self.rhs = settled("rhs", outcome.get("rhs"), |i| roles[i].is_some());
         self.inverse = settled("inverse", outcome.get("inverse"), |i| roles[i / 2].is_some());
         self.partials = outcome.get("partials");
         self.restricted_rhs = outcome.get("restricted_rhs");
@@ -109,8 +107,11 @@ impl Passes {
     /// Runs solve/element_product and, with contacts, solve/contact_product.
     pub fn apply(&mut self, change: Change) {
         let (s, tetrahedra) = (&self.system, self.tetrahedra());
-        let of_solution = change == Change::Solution;
-        let vector = if of_solution { &self.solution } else { &self.preconditioned };
+        let (vector, iterates) = match change {
+            Change::Solution => (&self.solution, &self.iterates),
+            Change::Trend => (&self.trend, &self.rigid_trends),
+            Change::Preconditioned => (&self.preconditioned, &self.iterates),
+        };
         let outcome = case("solve/element_product")
             .constant("TETRAHEDRA", tetrahedra as u32)
             .input("tetrahedra", &s.model.tetrahedra)
@@ -132,9 +133,9 @@ impl Passes {
                 .input("entry_nodes", &s.entry_nodes)
                 .input("entry_weights", &s.entry_weights)
                 .input("solve", &[self.state])
-                .input("iterates", &self.iterates)
+                .input("iterates", iterates)
                 .output::<[f32; 4]>("contact_forces", s.contacts.len())
-                .push(&[u32::from(of_solution), self.state.current])
+                .push(&[u32::from(change != Change::Preconditioned), self.state.current])
                 .elements(s.contacts.len())
                 .run();
             self.contact_forces = outcome.get("contact_forces");
@@ -145,12 +146,30 @@ impl Passes {
     /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and determines
     /// which vectors enter the inner products.
     pub fn gather(&mut self, mode: u32) {
-        let outcomes: Vec<_> = self.variants().iter().map(|variant| self.gather_variant(mode, variant)).collect();
+        let change = if mode == 1 { Change::Preconditioned } else { Change::Solution };
+        self.gather_of(mode, change);
+    }
+
+    /// Runs solve/gather in mode 0 (warm start) for the trend in place of the solution.
+    pub fn gather_trend(&mut self) {
+        let of_solution =
+            (self.operator_product.clone(), self.restricted_product.clone(), self.projections.clone());
+        self.gather_of(0, Change::Trend);
+        self.trend_product = std::mem::replace(&mut self.operator_product, of_solution.0);
+        self.restricted_trend = std::mem::replace(&mut self.restricted_product, of_solution.1);
+        self.trend_projections = std::mem::replace(&mut self.projections, of_solution.2);
+    }
+
+    fn gather_of(&mut self, mode: u32, change: Change) {
+        let outcomes: Vec<_> =
+            self.variants().iter().map(|variant| self.gather_variant(mode, change, variant)).collect();
         let (roles, groups) = (self.roles(), self.groups());
         let operator_product = merged("operator_product", &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
         self.operator_product = settled("operator_product", operator_product, |i| roles[i].is_some());
         let dots = merged("dots", &unwritten::<[f32; 2]>(groups), &outcomes);
-        self.dots = settled("dots", dots, |_| true);
+        self.dots = settled("dots", dots, |_| mode != 0);
+        let projections = merged("projections", &unwritten::<[f32; 4]>(groups), &outcomes);
+        self.projections = settled("projections", projections, |_| mode == 0);
         let modes = |name: &str| merged(name, &unwritten::<[f32; 4]>(3 * groups), &outcomes);
         self.restricted_product = settled("restricted_product", modes("restricted_product"), |i| {
             self.coarse || self.role_of_coarse_index(i / 3) != FREE
@@ -158,12 +177,14 @@ impl Passes {
         self.restricted_residual = settled("restricted_residual", modes("restricted_residual"), |_| self.coarse);
     }
 
-    fn gather_variant(&self, mode: u32, variant: &Variant) -> Outcome {
+    fn gather_variant(&self, mode: u32, change: Change, variant: &Variant) -> Outcome {
         let (s, groups) = (&self.system, self.groups());
-        let (change, first, second) = match mode {
-            1 => (&self.preconditioned, &self.preconditioned, &self.residual),
-            _ => (&self.solution, &self.preconditioned, &self.rhs),
+        let (vector, iterates) = match change {
+            Change::Solution => (&self.solution, &self.iterates),
+            Change::Trend => (&self.trend, &self.rigid_trends),
+            Change::Preconditioned => (&self.preconditioned, &self.iterates),
         };
+        let residual_or_rhs = if mode == 1 { &self.residual } else { &self.rhs };
         self.reduce("solve/gather")
             .constant("BLOCKS", self.blocks() as u32)
             .constant("CONTACT", self.contact)
@@ -186,14 +207,16 @@ impl Passes {
             .input("counts", &[s.counts])
             .input("contacts", &s.contacts)
             .input("contact_forces", &self.contact_forces)
-            .input("change", change)
-            .input("preconditioned", first)
-            .input("residual_or_rhs", second)
+            .input("change", vector)
+            .input("preconditioned", &self.preconditioned)
+            .input("trend", &self.trend)
+            .input("residual_or_rhs", residual_or_rhs)
             .input("inverse", &self.inverse)
             .input("rigids", &self.rigids)
-            .input("iterates", &self.iterates)
+            .input("iterates", iterates)
             .partial("operator_product", &unwritten::<[f32; 4]>(self.nodes()))
             .partial("dots", &unwritten::<[f32; 2]>(groups))
+            .partial("projections", &unwritten::<[f32; 4]>(groups))
             .partial("restricted_product", &unwritten::<[f32; 4]>(3 * groups))
             .partial("restricted_residual", &unwritten::<[f32; 4]>(3 * groups))
             .input("solve", &[self.state])
@@ -218,13 +241,16 @@ impl Passes {
             .input("coarse_scales", &coarse.scales)
             .input("restricted_rhs", if warm_start { &self.restricted_rhs } else { &self.restricted_residual })
             .input("restricted_product", &self.restricted_product)
+            .input("restricted_trend", &self.restricted_trend)
             .output::<[f32; 4]>("coarse_rhs", 3 * blocks)
             .partial("coarse_product", &unwritten::<[f32; 4]>(3 * blocks))
-            .output::<[f32; 4]>("coarse_dots", blocks)
+            .partial("coarse_trend", &unwritten::<[f32; 4]>(3 * blocks))
+            .output::<f32>("coarse_dots", blocks)
             .groups(blocks)
             .run();
         self.coarse_rhs = outcome.get("coarse_rhs");
         self.coarse_product = settled("coarse_product", outcome.get("coarse_product"), |_| warm_start);
+        self.coarse_trend = settled("coarse_trend", outcome.get("coarse_trend"), |_| warm_start);
         self.coarse_dots = outcome.get("coarse_dots");
     }
 
@@ -245,14 +271,18 @@ impl Passes {
             .input("counts", &[s.counts])
             .input("contacts", &s.contacts)
             .input("partials", &self.partials)
-            .input("dots", &self.dots)
+            .input("projections", &self.projections)
+            .input("trend_projections", &self.trend_projections)
             .input("coarse_dots", &self.coarse_dots)
             .input("restricted_product", &self.restricted_product)
+            .input("restricted_trend", &self.restricted_trend)
             .input("coarse_rhs", &self.coarse_rhs)
             .input("coarse_product", &self.coarse_product)
+            .input("coarse_trend", &self.coarse_trend)
             .inout("rigids", &self.rigids)
             .partial("rigid_inverses", &self.rigid_inverses)
             .inout("iterates", &self.iterates)
+            .inout("rigid_trends", &self.rigid_trends)
             .inout("solve", &[self.state])
             .output::<Iteration>("iterations", 2)
             .partial("args", &self.args)
@@ -261,6 +291,7 @@ impl Passes {
         self.rigids = outcome.get("rigids");
         self.rigid_inverses = outcome.get("rigid_inverses");
         self.iterates = outcome.get("iterates");
+        self.rigid_trends = outcome.get("rigid_trends");
         self.state = outcome.get("solve")[0];
         let iterations: Vec<Iteration> = outcome.get("iterations");
         self.iterations = [iterations[0], iterations[1]];
@@ -280,11 +311,14 @@ impl Passes {
             .input("node_rest", &s.model.node_rest)
             .input("rhs", &self.rhs)
             .input("operator_product", &self.operator_product)
+            .input("trend_product", &self.trend_product)
             .input("inverse", &self.inverse)
             .input("coarse_rhs", &self.coarse_rhs)
             .input("coarse_product", &self.coarse_product)
+            .input("coarse_trend", &self.coarse_trend)
             .input("iterates", &self.iterates)
             .inout("solution", &self.solution)
+            .inout("trend", &self.trend)
             .partial("residual", &unwritten::<[f32; 4]>(nodes))
             .partial("preconditioned", &unwritten::<[f32; 4]>(nodes))
             .partial("direction", &unwritten::<[f32; 4]>(nodes))
@@ -294,7 +328,7 @@ impl Passes {
             .run();
         let roles = self.roles();
         let of_nodes = |name: &str| settled(name, outcome.get(name), |i| roles[i].is_some());
-        self.solution = outcome.get("solution");
+        (self.solution, self.trend) = (outcome.get("solution"), outcome.get("trend"));
         (self.residual, self.preconditioned) = (of_nodes("residual"), of_nodes("preconditioned"));
         (self.direction, self.direction_product) = (of_nodes("direction"), of_nodes("direction_product"));
         let first_set = self.restricted_direction.len() / 2;
@@ -399,6 +433,7 @@ impl Passes {
             .inout("contacts", &s.contacts)
             .inout("solve", &[self.state])
             .inout("rigids", &self.rigids)
+            .inout("rigid_trends", &self.rigid_trends)
             .partial("args", &self.args)
             .partial("report", &[self.report])
             .output::<f32>("core_changes", 6 * s.model.cores.len())
@@ -407,6 +442,7 @@ impl Passes {
             .run();
         self.state = outcome.get("solve")[0];
         self.rigids = outcome.get("rigids");
+        self.rigid_trends = outcome.get("rigid_trends");
         self.core_changes = outcome.get("core_changes");
         self.args = outcome.get("args");
         self.report = outcome.get("report")[0];
@@ -430,10 +466,12 @@ impl Passes {
             .input("iterates", &self.iterates)
             .inout("velocity", &s.velocity)
             .inout("displacement", &s.displacement)
+            .inout("trend", &self.trend)
             .partial("carried_residual", &self.carried_residual)
             .elements(self.nodes())
             .run();
         self.carried_residual = outcome.get("carried_residual");
+        self.trend = outcome.get("trend");
         self.system.velocity = outcome.get("velocity");
         self.system.displacement = outcome.get("displacement");
     }

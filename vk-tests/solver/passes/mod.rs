@@ -17,11 +17,12 @@ pub use kernels::SKIN_PARTS;
 use crate::harness::case;
 use crate::solver::system::System;
 
-/// The change of velocity that solve/element_product multiplies by the operator A: the solution, or the preconditioned
-/// residual.
+/// The change of velocity that solve/element_product multiplies by the operator A: the solution, the trend (difference of
+/// the last two solutions), or the preconditioned residual.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Change {
     Solution,
+    Trend,
     Preconditioned,
 }
 
@@ -43,6 +44,7 @@ pub struct Passes {
     pub rhs: Vec<[f32; 4]>,
     pub inverse: Vec<[f32; 4]>,
     pub solution: Vec<[f32; 4]>,
+    pub trend: Vec<[f32; 4]>,
     /// Residual. The kernels write two sets of iterates in turn; this vector and the next three belong to the newer
     /// set.
     pub residual: Vec<[f32; 4]>,
@@ -50,20 +52,26 @@ pub struct Passes {
     pub direction: Vec<[f32; 4]>,
     pub direction_product: Vec<[f32; 4]>,
     pub operator_product: Vec<[f32; 4]>,
+    pub trend_product: Vec<[f32; 4]>,
     pub partials: Vec<[f32; 2]>,
     /// Two inner products of each block of nodes, then two of the tool.
     pub dots: Vec<[f32; 2]>,
+    /// Inner products for the warm start, of each block of nodes: with the solution, and with the trend.
+    pub projections: Vec<[f32; 4]>,
+    pub trend_projections: Vec<[f32; 4]>,
     pub block_rotations: Vec<[f32; 4]>,
     pub block_turns: Vec<[f32; 4]>,
     pub restricted_rhs: Vec<[f32; 4]>,
     pub restricted_product: Vec<[f32; 4]>,
+    pub restricted_trend: Vec<[f32; 4]>,
     pub restricted_residual: Vec<[f32; 4]>,
     /// P^T s of both sets of iterates, with the prolongation P from the coarse space, and s = A p for the search
     /// direction p.
     pub restricted_direction: Vec<[f32; 4]>,
     pub coarse_rhs: Vec<[f32; 4]>,
     pub coarse_product: Vec<[f32; 4]>,
-    pub coarse_dots: Vec<[f32; 4]>,
+    pub coarse_trend: Vec<[f32; 4]>,
+    pub coarse_dots: Vec<f32>,
     /// The rigid bodies: the dynamic cores, then the tool.
     pub rigids: Vec<Rigid>,
     /// The joints between rigid cores, as the host writes them for the kernels.
@@ -75,6 +83,8 @@ pub struct Passes {
     pub rigid_inverses: Vec<f32>,
     /// Iterates of the rigid bodies, of the first set and then of the second.
     pub iterates: Vec<RigidIterate>,
+    /// The trend of the rigid bodies, in both sets alike.
+    pub rigid_trends: Vec<RigidIterate>,
     pub iterations: [Iteration; 2],
     pub state: Solve,
     pub args: Vec<u32>,
@@ -107,23 +117,30 @@ impl Passes {
             rhs: zeros.clone(),
             inverse: vec![[0.0; 4]; 2 * nodes],
             solution: zeros.clone(),
+            trend: zeros.clone(),
             residual: zeros.clone(),
             preconditioned: zeros.clone(),
             direction: zeros.clone(),
             direction_product: zeros.clone(),
+            trend_product: zeros.clone(),
             operator_product: zeros,
             partials: vec![],
             dots: vec![],
+            projections: vec![],
+            trend_projections: vec![[0.0; 4]; blocks + usize::from(tool)],
             block_rotations: vec![[0.0, 0.0, 0.0, 1.0]; blocks],
             block_turns: turns,
             restricted_rhs: modes.clone(),
             restricted_product: modes.clone(),
+            restricted_trend: modes.clone(),
             restricted_residual: modes,
             restricted_direction: vec![[0.0; 4]; 6 * blocks],
             coarse_rhs: vec![],
             coarse_product: vec![],
+            coarse_trend: vec![],
             coarse_dots: vec![],
             iterates: vec![RigidIterate::zeroed(); 2 * rigids.len()],
+            rigid_trends: vec![RigidIterate::zeroed(); 2 * rigids.len()],
             joints: vec![],
             joint_sides,
             rigid_inverses: vec![0.0; inverse_numbers],
@@ -195,6 +212,8 @@ impl Passes {
         self.cores();
         self.apply(Change::Solution);
         self.gather(0);
+        self.apply(Change::Trend);
+        self.gather_trend();
         if self.coarse {
             self.coarse(true);
         }
