@@ -65,7 +65,10 @@ fn the_warm_start_and_the_arguments_by_hand() {
             &passes.args[3 * shaders::ARGS_GAP as usize + 3..],
         ]
         .concat();
-        assert!(others.iter().all(|word| *word == UNTOUCHED), "other stages' indirect arguments must stay as they were");
+        assert!(
+            others.iter().all(|word| *word == UNTOUCHED),
+            "other stages' indirect arguments must stay as they were"
+        );
     }
 }
 
@@ -199,7 +202,8 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         let left = if begins { tool_x.map(|x| -x) } else { tool_trend };
         assert!(passes.rigid_trends.iter().all(|set| set.x == left), "the tool's trend in solve {}", state.retries);
         let magnitude = |rows: std::ops::Range<usize>| -> f64 {
-            rows.map(|k| b[tool + k].abs().max((f * y[tool + k]).abs()).max((g * w[tool + k]).abs())).fold(0.0, f64::max)
+            rows.map(|k| b[tool + k].abs().max((f * y[tool + k]).abs()).max((g * w[tool + k]).abs()))
+                .fold(0.0, f64::max)
         };
         for rows in [0..3, 3..6] {
             let allowed = Tolerance { abs: 2.0 * SUM * magnitude(rows.clone()), rel: 0.0 };

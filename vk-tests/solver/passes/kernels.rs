@@ -152,8 +152,7 @@ impl Passes {
 
     /// Runs solve/gather in mode 0 (warm start) for the trend in place of the solution.
     pub fn gather_trend(&mut self) {
-        let of_solution =
-            (self.operator_product.clone(), self.restricted_product.clone(), self.projections.clone());
+        let of_solution = (self.operator_product.clone(), self.restricted_product.clone(), self.projections.clone());
         self.gather_of(0, Change::Trend);
         self.trend_product = std::mem::replace(&mut self.operator_product, of_solution.0);
         self.restricted_trend = std::mem::replace(&mut self.restricted_product, of_solution.1);
