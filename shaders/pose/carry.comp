@@ -11,9 +11,9 @@
 // rigid coordinate frame. One invocation runs for each attached node. The f64 reference implementation is oracle::step.
 //
 // On a dynamic core a node gets the velocity at the start of the step, v = u + w x arm, with the core's velocity u and
-// angular velocity w, and the vector `arm` from the core's centre to the node. The node's first guess of the change of
-// velocity follows from the core's last solution with this step's arms, so that the solver can multiply its operator
-// with this guess. On a kinematic core a node gets its mean velocity over the whole step, from its position x0 to x1:
+// angular velocity w, and the vector `arm` from the core's centre to the node. The node's part of the warm start's two
+// vectors follows from the core's last solution and trend with this step's arms, so that the solver can multiply its
+// operator with them. On a kinematic core a node gets its mean velocity over the whole step, from its position x0 to x1:
 // v = (x1 - x0) / h = v_centre + R0 (R0^T R1 - I) r / h, with the step h, the frame's rotations R0 at the start and R1
 // at the end, the velocity v_centre of the frame's centre, and the node's rest position r. The right-hand side of the
 // elastic stage then contains the effect of these known velocities on the unknown ones; contacts use the known
@@ -30,8 +30,10 @@ READ_ONLY(uvec4, node_info);       // frame of each node in z
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
+layout(scalar) readonly buffer RigidTrends { RigidIterate rigid_trends[]; };
 layout(scalar) writeonly buffer Velocity { vec4 velocity[]; };
 layout(scalar) writeonly buffer Solution { vec4 solution[]; };     // written for nodes of dynamic cores only
+layout(scalar) writeonly buffer Trend { vec4 trend[]; };           // likewise
 
 #include "shared/core.glsl"
 
@@ -47,6 +49,7 @@ void main() {
         vec3 arm = rotate(frame.rotation, r);
         velocity[node] = vec4(frame.linear + cross(frame.angular, arm), 0.0);
         solution[node] = vec4(carry(iterates[solve.current * RIGIDS + frame.core].x, arm), 0.0);
+        trend[node] = vec4(carry(rigid_trends[frame.core].x, arm), 0.0);
         return;
     }
     velocity[node] = vec4(frame.linear + rotate(frame.rotation, turned(on, r)) / params.dt, 0.0);

@@ -19,7 +19,7 @@ struct Evaluation {
     float lambda;       // first Lame parameter of the operator, Pa
     mat3 fold;          // maps the rest gradients of shape functions to those that the operator uses
     mat3 geometric;     // geometric stiffness, Pa: symmetric and positive semi-definite
-    mat3 exact;         // geometric stiffness with its negative eigenvalues, Pa
+    mat3 exact;         // geometric stiffness with its negative eigenvalues, Pa; zero if is_partial
     bool is_partial;    // whether an F-bar patch applies the pressure, so that the stress here is not the whole
 };
 

@@ -9,6 +9,6 @@ const uint TOOL_ROWS = 2;       // works on the six equations (rows) of the tool
 
 // Variants of solve/gather, selected by the specialization constant MODE. Each runs at its own time, relative to the
 // conjugate gradient iterations.
-const uint GATHER_WARM_START = 0;     // before the iterations, for the warm start (from the last solution)
+const uint GATHER_WARM_START = 0;     // before the iterations, for the warm start (from the last solution and the trend)
 const uint GATHER_LOOP = 1;     // in an iteration
 const uint GATHER_END = 2;      // after the iterations, for the recomputed residual

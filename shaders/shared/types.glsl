@@ -261,6 +261,7 @@ struct Solve {
     uint flags;                 // flags of the last Newton iteration's solve
     float energy_limit;         // e . A e above which iterations go on, with error e of the solution, J
     float normal_forces[2];     // sums of normal forces at the last step's end: of the tool's contacts, of others, N
+    float stop_norm2;           // r . M^-1 r at which the iterations converged
     float solution_dt;          // length of the step whose changes of velocity the solution has, s; 0: it was rejected
 };
 

@@ -147,7 +147,7 @@ void main() {
             }
             flags |= solve.flags;
         } else {
-            float aim = solve.status == STATUS_CONVERGED ? params.loosest : params.tolerance;
+            float aim = max(params.tolerance, sqrt(solve.stop_norm2 / norm2));
             if (!(residual <= max(10.0 * aim, 10.0 * residual_floor))) flags |= FLAG_NOT_CONVERGED;
             // The solve stopped before the normal forces were accurate; ten times the error is a hundred times the energy.
             bool is_accurate = error_energy(iterations[solve.current]) <= 100.0 * solve.energy_limit;

@@ -9,9 +9,10 @@
 // the last two solutions, with the factors `warm_start` (f, g) that solve/first_residual computed: solution
 // x = f x' + g d, residual r = b - f A x' - g A d, u = M^-1 r, search direction zero, with operator A, right-hand side b
 // and preconditioner M. In a step's first solve it writes -x' to the trend, to which solve/commit adds the step's
-// solution. P^T restricts to the coarse space of M, whose matrix is A_c (shared/preconditioner.glsl). Nodes attached to a rigid core (rigid body inside a soft one) take their values from
-// the core's iterate. One workgroup runs for each block of nodes. The f64 reference is oracle::step. A block is a set
-// of nodes that one workgroup works on, a frame a rigid coordinate frame.
+// solution. P^T restricts to the coarse space of M, whose matrix is A_c (shared/preconditioner.glsl). Nodes attached to
+// a rigid core (rigid body inside a soft one) take their values from the core's iterate. One workgroup runs for each
+// block of nodes. The f64 reference is oracle::step. A block is a set of nodes that one workgroup works on, a frame a
+// rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -33,7 +34,7 @@ READ_ONLY(vec4, coarse_product);     // A_c^-1 P^T A x'
 READ_ONLY(vec4, coarse_trend);       // A_c^-1 P^T A d
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) buffer Solution { vec4 solution[]; };      // x' before, x after
-layout(scalar) buffer Trend { vec4 trend[]; };            // d before
+layout(scalar) buffer Trend { vec4 trend[]; };            // d before; -x' after a step's first solve
 layout(scalar) writeonly buffer Residual { vec4 residual[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };
 layout(scalar) writeonly buffer Direction { vec4 direction[]; };                          // search direction p

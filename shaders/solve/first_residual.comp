@@ -99,9 +99,10 @@ vec2 warm_start_factors(Projections p) {
 }
 
 // Energy of the difference of the warm start from the last step's solution. The error of the warm start is orthogonal to
-// this difference, so that the energies of both add up. Zero, and so a bound, where that step was rejected.
+// this difference, so that the energies of both add up. Zero, a lower bound, where that step was rejected or had another
+// length.
 float change_by(vec2 factors, Projections p) {
-    if (factors == vec2(0.0) || solve.solution_dt == 0.0) return 0.0;
+    if (factors == vec2(0.0) || solve.solution_dt != params.dt) return 0.0;
     vec2 k = begins_step(solve) ? vec2(factors.x - 1.0, factors.y) : vec2(factors.x, factors.y + 1.0);
     return k.x * k.x * p.xx + (k.y == 0.0 ? 0.0 : k.y * (2.0 * k.x * p.xd + k.y * p.dd));
 }
@@ -282,6 +283,7 @@ void main() {
     solve.current = 0;
     solve.status = at_rest ? STATUS_CONVERGED : STATUS_RUNNING;
     solve.energy_limit = limit;
+    solve.stop_norm2 = 0.0;
     iterations[0] = Iteration(0.0, 0.0, 0, vec4(0.0), change_by(factors, projected));
     iterations[1] = Iteration(0.0, 0.0, 0, vec4(0.0), 0.0);
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;

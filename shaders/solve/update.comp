@@ -90,10 +90,12 @@ struct Scalars {
     float alpha, beta;
 };
 
-// Ends the loop: clears its indirect arguments. Only the first invocation of the variant that LEADS does so.
-void stop(uint status) {
+// Ends the loop at r . M^-1 r = `gamma`: clears its indirect arguments. Only the first invocation of the variant that
+// LEADS does so.
+void stop(uint status, float gamma) {
     if (!LEADS || gl_WorkGroupID.x != 0 || gl_LocalInvocationID.x != 0) return;
     solve.status = status;
+    if (status == STATUS_CONVERGED) solve.stop_norm2 = abs(gamma);
     for (uint k = ARGS_LOOP_ELEMENT_PRODUCT; k <= ARGS_LOOP_TOOL; k++) args[3 * k] = 0;
 }
 
@@ -119,7 +121,7 @@ bool next_scalars(out Scalars scalars) {
     is_small = is_small || is_loose && error_energy_left(last) <= STEP_ERROR_SHARE * last.change;
     if (CONTACT && is_small) is_small = abs(gamma) <= solve.floor_norm2 || normal_forces_are_accurate(last);
     if (is_small) {
-        stop(STATUS_CONVERGED);
+        stop(STATUS_CONVERGED, gamma);
         return false;
     }
     scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
@@ -132,7 +134,7 @@ bool next_scalars(out Scalars scalars) {
     }
     bool broken = gamma < 0.0 || !(curvature > 0.0) || isinf(curvature) || isnan(gamma);
     if (broken || last.count >= params.max_iterations) {
-        stop(broken ? STATUS_BROKEN : STATUS_STOPPED);
+        stop(broken ? STATUS_BROKEN : STATUS_STOPPED, gamma);
         return false;
     }
     scalars.alpha = gamma / curvature;

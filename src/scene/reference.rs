@@ -116,7 +116,8 @@ pub const SOLVER: TableKeys = TableKeys {
             "The solver stops where the residual, relative to the right-hand side in the norm of the preconditioner, \
              is below this value, and the error of the contact forces is estimated to be below five times this value \
              (a thousandth at least) of these forces. Without this key it stops between 1e-2 and 1e-5, where the error \
-             that it leaves is estimated to be below a twentieth of that of the time step.",
+             that it leaves is estimated to be below a twentieth of that of the time step, and that of the contact \
+             forces below a thousandth.",
         ),
         key(
             "max_iterations",

@@ -19,15 +19,20 @@ use faer::{Mat, MatRef, Side};
 use glam::DVec3;
 
 use super::model::{Model, SoftRange};
-use crate::scene::Preconditioner;
+use crate::scene::{Preconditioner, Solver};
 use crate::shaders::NONE;
 
 /// Number of modes per block. A block of free nodes has the twelve affine motions. A block of nodes attached to a core
 /// has the core's twist (linear and angular velocity) as its first six modes; the others are unused.
 pub const BLOCK_UNKNOWNS: usize = 12;
-/// Stiffness number from which the coarse space saves time for a body with one free node per aggregate; see
-/// [`least_number`]. A stiffness number is the ratio of a node's stiffness to its inertia in a step.
+/// Stiffness number from which the coarse space saves time for a body with one free node per aggregate, where the solver
+/// goes on to a tolerance below [`TIGHT`]; see [`least_number`]. A stiffness number is the ratio of a node's stiffness to
+/// its inertia in a step.
 const STIFF: f64 = 2.4;
+/// The same for a solver that stops earlier. What the coarse space costs outside the loop then weighs more.
+const STIFF_LOOSE: f64 = 16.0;
+/// Relative residual.
+const TIGHT: f64 = 1e-3;
 /// Least number of aggregates of a body that has enough free nodes for that many (see [`LEAST_NODES`]).
 const LEAST_AGGREGATES: usize = 64;
 /// Largest number of aggregates of a body.
@@ -56,14 +61,15 @@ pub struct Coarse {
 }
 
 impl Model {
-    /// Makes the blocks of all bodies, and the coarse space of some bodies. `asked` is the preconditioner that the
-    /// scene sets: with `Auto`, bodies that are stiff enough at steps of `dt` seconds have a coarse space; with
-    /// `Coarse`, all bodies that deform; with `Jacobi`, none.
-    pub(super) fn add_coarse(&mut self, dt: f64, asked: Preconditioner) {
+    /// Makes the blocks of all bodies, and the coarse space of some bodies, as the scene's `solver` says: with
+    /// `Preconditioner::Auto`, bodies that are stiff enough at steps of `dt` seconds have a coarse space; with `Coarse`,
+    /// all bodies that deform; with `Jacobi`, none.
+    pub(super) fn add_coarse(&mut self, dt: f64, solver: &Solver) {
+        let stiff = if solver.tolerance.is_some_and(|tolerance| tolerance < TIGHT) { STIFF } else { STIFF_LOOSE };
         let wanted = |index: usize| {
             let number = self.stiffness_number(&self.soft[index], dt);
-            let has = match asked {
-                Preconditioner::Auto => number > least_number(self.free_count(&self.soft[index])),
+            let has = match solver.preconditioner {
+                Preconditioner::Auto => number > stiff * least_number(self.free_count(&self.soft[index])),
                 Preconditioner::Jacobi => false,
                 Preconditioner::Coarse => number > 0.0,
             };
@@ -251,12 +257,12 @@ fn aggregates(nodes: usize) -> usize {
     wanted.clamp(LEAST_AGGREGATES, MOST_AGGREGATES).min(nodes.div_ceil(LEAST_NODES)).max(1)
 }
 
-/// Stiffness number from which the coarse space saves time for a body with this many free nodes. The square root of the
-/// stiffness number is the distance, in nodes, that an elastic wave travels in a step, and so the distance over which
+/// Stiffness number from which the coarse space saves time for a body with this many free nodes, over that for a body
+/// with one free node per aggregate. The square root of the stiffness number is the distance, in nodes, that an elastic wave travels in a step, and so the distance over which
 /// iterations with a Jacobi preconditioner alone must carry information. With the coarse space, iterations need to
 /// carry information only across an aggregate, but one iteration costs about as much as three without it.
 fn least_number(nodes: usize) -> f64 {
-    STIFF * (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)
+    (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)
 }
 
 /// The inverse of a body's coarse matrix, E X E^T, scaled to a unit diagonal and rounded to half precision, where the

@@ -239,7 +239,7 @@ impl Model {
         model.stiffen_joints(scene.step.dt);
         match before {
             Some(before) => model.add_coarse_like(scene.longest_step(), before),
-            None => model.add_coarse(scene.longest_step(), scene.solver.preconditioner),
+            None => model.add_coarse(scene.longest_step(), &scene.solver),
         }
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         model.newton = scene.step.newton;

@@ -109,8 +109,10 @@ impl AttachedNodes {
             node_rest: &elastic.node_rest,
             solve: &solve.state,
             iterates: &solve.iterates,
+            rigid_trends: &solve.trend.rigids,
             velocity: &elastic.velocity,
             solution: &solve.solution,
+            trend: &solve.trend.nodes,
         };
         recorder.dispatch(&self.carry, &arguments, self.count);
     }

@@ -62,7 +62,7 @@ pub struct Solve {
     coarse_rhs: Buffer,
     coarse_product: Buffer,
     coarse_dots: Buffer,
-    trend: Trend,
+    pub trend: Trend,
     /// One [`shaders::Rigid`] per rigid body, the tool's last.
     pub rigids: Buffer,
     /// Two sets, each of one [`shaders::RigidIterate`] per rigid body; an iteration reads one set and writes the other.
@@ -116,10 +116,11 @@ impl Both {
 
 /// The second vector of the warm start, beside the solution: the difference of the last two solutions; in solves of a step
 /// after its first, minus the last step's solution. And what its operator product leads to.
-struct Trend {
-    nodes: Buffer,
+pub struct Trend {
+    pub nodes: Buffer,
     /// As `iterates`, with this vector as x in both sets.
-    rigids: Buffer,
+    pub rigids: Buffer,
+    /// The second set of `direction_product`, which is free until the first iteration writes it.
     operator_product: Buffer,
     restricted_product: Buffer,
     coarse_product: Buffer,
@@ -201,6 +202,7 @@ impl Solve {
         let block_vectors = |name: &str, sets: usize| zeros::<[f32; 4]>(context, name, 3 * groups * sets);
         let coarse_vectors = |name: &str, sets: usize| block_vectors(name, if is_coarse { sets } else { 0 });
         let all = 2 * rigid_count;
+        let direction_product = both(&["direction_product"], &["next_direction_product"])?;
         Ok(Solve {
             assemble: reduce(
                 "solve/assemble",
@@ -277,7 +279,7 @@ impl Solve {
             residual: both(&["residual", "residual_or_rhs"], &["next_residual"])?,
             preconditioned: both(&["preconditioned", "change"], &["next_preconditioned"])?,
             direction: both(&["direction"], &["next_direction"])?,
-            direction_product: both(&["direction_product"], &["next_direction_product"])?,
+            direction_product,
             operator_product: vector("operator_product")?,
             partials: array::<[f32; 2]>(context, "partials", groups)?,
             dots: array::<[f32; 2]>(context, "dots", groups)?,
@@ -286,7 +288,7 @@ impl Solve {
                 nodes: vector("trend")?.known_as(&["trend", "change"]),
                 rigids: zeros::<shaders::RigidIterate>(context, "rigid_trends", all)?
                     .known_as(&["rigid_trends", "iterates"]),
-                operator_product: vector("trend_product")?.known_as(&["trend_product", "operator_product"]),
+                operator_product: direction_product.now[1].known_as(&["trend_product", "operator_product"]),
                 restricted_product: block_vectors("restricted_trend", 1)?
                     .known_as(&["restricted_trend", "restricted_product"]),
                 coarse_product: coarse_vectors("coarse_trend", 1)?,

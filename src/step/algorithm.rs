@@ -27,8 +27,8 @@ use crate::{Error, Result};
 
 /// Number of iterations in the shortest plan.
 const SHORTEST_PLAN: u32 = 8;
-/// From this number of iterations on, each plan has twice as many as the one before. Shorter plans differ less, since a
-/// GPU takes as long for three passes that find no work as for three that find little.
+/// From this number of iterations on, each plan has twice as many as the one before. Shorter plans differ less, so that
+/// few iterations of a plan are left over: their passes find no work, but a GPU takes some time for each.
 const DOUBLED_FROM: u32 = 64;
 /// Number of iterations that a step's plan has beyond those that the last step needed, so that most steps need one
 /// submit.

@@ -92,6 +92,15 @@ fn verdicts_by_hand() {
     assert_eq!((passes.report.verdict, passes.report.flags), (DONE, NOT_CONVERGED));
     assert_eq!(granted(&passes), [groups, 1]);
 
+    // The solve converged at a residual of 0.02, which is above the tolerance: ten times as much is not too much.
+    for (left, flags) in [(0.19f32, 0), (0.21, NOT_CONVERGED)] {
+        passes = some_nodes();
+        passes.state.stop_norm2 = 64.0 * 0.02 * 0.02;
+        with_dots(&mut passes, &[[64.0 * left * left, 0.0]]);
+        passes.conclude();
+        assert_eq!((passes.report.verdict, passes.report.flags), (DONE, flags), "residual {left}");
+    }
+
     // The solve stopped early with a small residual, and an error of the normal forces of some ten times what is
     // allowed, so that its energy is a hundred times the limit.
     for (status, energy, flags) in [(2, 100.1, NOT_CONVERGED), (2, 99.9, 0), (1, 100.1, 0), (3, 100.1, NOT_CONVERGED)] {

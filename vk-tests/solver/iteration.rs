@@ -89,7 +89,12 @@ fn it_stops_where_it_should() {
             );
         }
         if status != 0 {
-            assert_eq!(Solve { status: 0, ..state }, before, "the state after the loop ended, apart from its status");
+            let reached = if status == 1 { gamma.abs() } else { 0.0 };
+            assert_eq!(
+                Solve { status: 0, ..state },
+                Solve { stop_norm2: reached, ..before },
+                "the state after the loop ended, apart from its status"
+            );
             assert_eq!(passes.iterations, iterations, "the scalars after the loop ended");
             // Further updates change nothing, whatever they are given.
             (passes.dots, passes.system.params.max_iterations) = (vec![[5.0, 100.0]], 100);
@@ -121,6 +126,25 @@ fn it_stops_where_it_should() {
         p.state.floor_norm2 = 2.0;
     }
     assert_eq!(stopped(1.99, 10.0, at_floor), converged);
+    // Without a tolerance the loop ends between tolerance and `loosest`, here at gamma of 1 and 100, where the energy of
+    // the error, the last one (2) times q / (1 - q) with the greatest ratio q = 1/2, is 1/1600 of the change (3200).
+    fn loose(p: &mut Passes, count: u32, energies: [f32; 4], change: f32) {
+        p.system.params.loosest = 10.0 * p.system.params.tolerance;
+        p.iterations[1] = Iteration { count, energies, change, ..p.iterations[1] };
+    }
+    let falling = [2.0, 4.0, 16.0, 40.0];
+    assert_eq!(stopped(99.0, 10.0, |p| loose(p, 4, falling, 3201.0)), converged);
+    assert_eq!(stopped(99.0, 200.0, |p| loose(p, 4, falling, 3199.0)), running, "status with too large an error");
+    assert_eq!(stopped(101.0, 200.0, |p| loose(p, 4, falling, 3201.0)), running, "status above `loosest`");
+    assert_eq!(stopped(99.0, 200.0, |p| loose(p, 3, falling, 1e9)), running, "status before four iterations are done");
+    assert_eq!(stopped(99.0, 200.0, |p| loose(p, 4, [2.0, 4.0, 3.9, 40.0], 1e9)), running, "status where errors rose");
+    assert_eq!(stopped(0.99, 10.0, |p| loose(p, 3, falling, 0.0)), converged, "status below the tolerance");
+    fn loose_and_limited(p: &mut Passes, limit: f32) {
+        limited(p, 4, limit);
+        loose(p, 4, [2.0, 4.0, 16.0, 40.0], 3201.0);
+    }
+    assert_eq!(stopped(99.0, 10.0, |p| loose_and_limited(p, 62.0)), converged);
+    assert_eq!(stopped(99.0, 200.0, |p| loose_and_limited(p, 61.0)), running, "status with inaccurate normal forces");
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 9), running);
     assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
     assert_eq!(stopped(2.0, -10.0, |_| ()), broken);

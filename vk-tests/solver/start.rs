@@ -44,7 +44,8 @@ fn the_warm_start_and_the_arguments_by_hand() {
         passes.projections = vec![[1.0, 1.5, 0.5, 0.0], [2.0, 2.5, 1.5, 0.0]];
         passes.trend_projections = vec![[0.5, 0.75, 9.0, 0.0], [1.5, 1.25, 9.0, 0.0]];
         passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9, energies: [5.0; 4], change: 20.0 };
-        (passes.state.retries, passes.state.current, passes.state.solution_dt) = (retries, 1, 0.001);
+        (passes.state.retries, passes.state.current) = (retries, 1);
+        passes.state.solution_dt = passes.system.params.dt;
         passes.start();
         let s = &passes.state;
         assert_eq!((s.warm_start, s.rhs_norm2, s.floor_norm2), ([0.5, 0.5], 3.0, 0.75));

@@ -308,8 +308,10 @@ fn kinematic_nodes_go_where_their_frame_takes_them() {
             .input("node_rest", &rest)
             .input("solve", &[Solve::zeroed()])
             .input("iterates", &[RigidIterate::zeroed()])
+            .input("rigid_trends", &[RigidIterate::zeroed()])
             .partial("velocity", &vec![[-7.0f32; 4]; 2 * count])
             .partial("solution", &vec![[-8.0f32; 4]; 2 * count])
+            .partial("trend", &vec![[-8.0f32; 4]; 2 * count])
             .elements(count)
             .run();
         let got: Vec<[f32; 4]> = out.get("velocity");
@@ -338,6 +340,9 @@ fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
         let current = count as u32 % 2;
         let mut iterates = [RigidIterate::zeroed(); 4];
         iterates[2 * current as usize + 1].x = x;
+        let trend: [f32; 6] = std::array::from_fn(|_| random.next() as f32);
+        let mut rigid_trends = [RigidIterate::zeroed(); 4];
+        rigid_trends[1].x = trend;
         let rest: Vec<[f32; 4]> = (0..count).map(|_| narrow(0.2 * random.vector())).collect();
         let out = case("pose/carry")
             .constant("ATTACHED_NODES", count as u32)
@@ -349,15 +354,20 @@ fn what_dynamic_cores_carry_has_their_twist_and_its_first_guess() {
             .constant("RIGIDS", 2u32)
             .input("solve", &[Solve { current, ..Solve::zeroed() }])
             .input("iterates", &iterates)
+            .input("rigid_trends", &rigid_trends)
             .output::<[f32; 4]>("velocity", count)
             .output::<[f32; 4]>("solution", count)
+            .output::<[f32; 4]>("trend", count)
             .elements(count)
             .run();
-        let (velocity, solution): (Vec<[f32; 4]>, Vec<[f32; 4]>) = (out.get("velocity"), out.get("solution"));
+        let [velocity, solution, carried]: [Vec<[f32; 4]>; 3] =
+            ["velocity", "solution", "trend"].map(|name| out.get(name));
         for i in 0..count {
             let arm = start.rotation * wide(&rest[i]);
             assert!(wide(&velocity[i]).distance(linear + angular.cross(arm)) < VELOCITY.abs);
-            assert!(wide(&solution[i]).distance(wide(&x[..3]) + wide(&x[3..]).cross(arm)) < VELOCITY.abs);
+            for (got, twist) in [(&solution[i], x), (&carried[i], trend)] {
+                assert!(wide(got).distance(wide(&twist[..3]) + wide(&twist[3..]).cross(arm)) < VELOCITY.abs);
+            }
         }
     }
 }

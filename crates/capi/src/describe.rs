@@ -44,7 +44,7 @@ pub struct palpate_settings {
     pub weightless: u32,
     /// Greatest number of conjugate gradient iterations per solve; 0: 200.
     pub max_iterations: u32,
-    /// Relative residual at which the solver stops; 0: 1e-5.
+    /// Relative residual at which the solver stops; 0: between 1e-2 and 1e-5, by the error of the time step.
     pub tolerance: f64,
     /// Penalty stiffness per projected area, N/m^3; 0: chosen from the bodies' materials.
     pub contact_stiffness: f64,

@@ -294,7 +294,7 @@ typedef struct palpate_settings {
     uint32_t weightless;
     // Greatest number of conjugate gradient iterations per solve; 0: 200.
     uint32_t max_iterations;
-    // Relative residual at which the solver stops; 0: 1e-5.
+    // Relative residual at which the solver stops; 0: between 1e-2 and 1e-5, by the error of the time step.
     double tolerance;
     // Penalty stiffness per projected area, N/m^3; 0: chosen from the bodies' materials.
     double contact_stiffness;
