@@ -62,7 +62,7 @@ pub struct Solve {
     coarse_rhs: Buffer,
     coarse_product: Buffer,
     coarse_dots: Buffer,
-    pub trend: Trend,
+    pub(super) trend: Trend,
     /// One [`shaders::Rigid`] per rigid body, the tool's last.
     pub rigids: Buffer,
     /// Two sets, each of one [`shaders::RigidIterate`] per rigid body; an iteration reads one set and writes the other.
@@ -116,10 +116,10 @@ impl Both {
 
 /// The second vector of the warm start, beside the solution: the difference of the last two solutions; in solves of a step
 /// after its first, minus the last step's solution. And what its operator product leads to.
-pub struct Trend {
-    pub nodes: Buffer,
+pub(super) struct Trend {
+    pub(super) nodes: Buffer,
     /// As `iterates`, with this vector as x in both sets.
-    pub rigids: Buffer,
+    pub(super) rigids: Buffer,
     /// The second set of `direction_product`, which is free until the first iteration writes it.
     operator_product: Buffer,
     restricted_product: Buffer,
@@ -203,6 +203,7 @@ impl Solve {
         let coarse_vectors = |name: &str, sets: usize| block_vectors(name, if is_coarse { sets } else { 0 });
         let all = 2 * rigid_count;
         let direction_product = both(&["direction_product"], &["next_direction_product"])?;
+        let trend_product = direction_product.now[1].known_as(&["trend_product", "operator_product"]);
         Ok(Solve {
             assemble: reduce(
                 "solve/assemble",
@@ -288,7 +289,7 @@ impl Solve {
                 nodes: vector("trend")?.known_as(&["trend", "change"]),
                 rigids: zeros::<shaders::RigidIterate>(context, "rigid_trends", all)?
                     .known_as(&["rigid_trends", "iterates"]),
-                operator_product: direction_product.now[1].known_as(&["trend_product", "operator_product"]),
+                operator_product: trend_product,
                 restricted_product: block_vectors("restricted_trend", 1)?
                     .known_as(&["restricted_trend", "restricted_product"]),
                 coarse_product: coarse_vectors("coarse_trend", 1)?,
