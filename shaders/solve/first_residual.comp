@@ -85,7 +85,7 @@ struct Projections {
 };
 
 // Least share of d . A d that lies in a direction of its own; where d is more nearly a multiple of x, it is left out.
-const float LEAST_OWN_SHARE = 1.0e-4;
+const float LEAST_OWN_SHARE = 1.0e-2;
 
 bool is_finite(float x) { return !isnan(x) && !isinf(x); }
 

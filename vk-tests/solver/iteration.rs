@@ -132,16 +132,16 @@ fn it_stops_where_it_should() {
         p.system.params.loosest = 10.0 * p.system.params.tolerance;
         p.iterations[1] = Iteration { count, energies, change, ..p.iterations[1] };
     }
-    let falling = [2.0, 4.0, 16.0, 40.0];
-    assert_eq!(stopped(99.0, 10.0, |p| loose(p, 4, falling, 3201.0)), converged);
-    assert_eq!(stopped(99.0, 200.0, |p| loose(p, 4, falling, 3199.0)), running, "status with too large an error");
-    assert_eq!(stopped(101.0, 200.0, |p| loose(p, 4, falling, 3201.0)), running, "status above `loosest`");
-    assert_eq!(stopped(99.0, 200.0, |p| loose(p, 3, falling, 1e9)), running, "status before four iterations are done");
+    const FALLING: [f32; 4] = [2.0, 4.0, 16.0, 40.0];
+    assert_eq!(stopped(99.0, 10.0, |p| loose(p, 4, FALLING, 3201.0)), converged);
+    assert_eq!(stopped(99.0, 200.0, |p| loose(p, 4, FALLING, 3199.0)), running, "status with too large an error");
+    assert_eq!(stopped(101.0, 200.0, |p| loose(p, 4, FALLING, 3201.0)), running, "status above `loosest`");
+    assert_eq!(stopped(99.0, 200.0, |p| loose(p, 3, FALLING, 1e9)), running, "status before four iterations are done");
     assert_eq!(stopped(99.0, 200.0, |p| loose(p, 4, [2.0, 4.0, 3.9, 40.0], 1e9)), running, "status where errors rose");
-    assert_eq!(stopped(0.99, 10.0, |p| loose(p, 3, falling, 0.0)), converged, "status below the tolerance");
+    assert_eq!(stopped(0.99, 10.0, |p| loose(p, 3, FALLING, 0.0)), converged, "status below the tolerance");
     fn loose_and_limited(p: &mut Passes, limit: f32) {
         limited(p, 4, limit);
-        loose(p, 4, [2.0, 4.0, 16.0, 40.0], 3201.0);
+        loose(p, 4, FALLING, 3201.0);
     }
     assert_eq!(stopped(99.0, 10.0, |p| loose_and_limited(p, 62.0)), converged);
     assert_eq!(stopped(99.0, 200.0, |p| loose_and_limited(p, 61.0)), running, "status with inaccurate normal forces");

@@ -78,18 +78,18 @@ fn invariants(results: &Results) -> Table {
         (Invariant::Push, "no contact pulls by more than the bound of `force`"),
         (
             Invariant::Residual,
-            "the residual b - A x of the step's linear system, with contacts and tool, in f64: within 1e-3 of b and \
+            "the residual b - A x of the step's linear system, with contacts and tool, in f64: within 0.1 of b and \
              weight (0.2 with a preset), or f32's rounding",
         ),
         (
             Invariant::Balance,
-            "the tool's momentum changes by the impulses of the reported force, weight and coupling: within 1e-2 of \
+            "the tool's momentum changes by the impulses of the reported force, weight and coupling: within 2e-2 of \
              the largest impulse (0.1 with a preset)",
         ),
         (
             Invariant::Peak,
             "with a preset, whose solver is loose: the greatest force on the tool is within 7 % of that with a tolerance \
-             of 1e-7",
+             of 1e-6",
         ),
         (
             Invariant::Rest,
