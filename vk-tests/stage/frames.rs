@@ -280,6 +280,7 @@ fn the_new_state_is_the_same_place_seen_from_the_frames_end() {
             .input("iterates", &[RigidIterate::zeroed()])
             .inout("velocity", &v)
             .inout("displacement", &d)
+            .inout("trend", &vec![[0.0f32; 4]; some])
             .output::<[f32; 4]>("carried_residual", count)
             .elements(count)
             .run();
