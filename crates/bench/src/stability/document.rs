@@ -83,7 +83,7 @@ fn invariants(results: &Results) -> Table {
         ),
         (
             Invariant::Balance,
-            "the tool's momentum changes by the impulses of the reported force, weight and coupling: within 2e-2 of \
+            "the tool's momentum changes by the impulses of the reported force, weight and coupling: within 1e-2 of \
              the largest impulse (0.1 with a preset)",
         ),
         (
