@@ -274,7 +274,7 @@ fn follow(what: &str, system: System) -> f64 {
         "{what}: b.M^-1 b is {}, expected {norm2}",
         passes.state.rhs_norm2,
     );
-    let [f, g] = expect_factors(&what, &passes.state, &b, [&x, &trend], [&y, &y_trend]);
+    let [f, g] = expect_factors(what, &passes.state, &b, [&x, &trend], [&y, &y_trend]);
     passes.begin();
     let r: Vec<f64> = (0..b.len()).map(|k| b[k] - f * y[k] - g * y_trend[k]).collect();
     let got = passes.unknowns(&passes.residual, |now| now.r);
