@@ -469,7 +469,8 @@ mod told {
     /// A scene with these bodies and a tool that has no virtual coupling.
     fn opened(bodies: &str, tool: &str) -> Simulation {
         let text = format!(
-            "[step]\ndt = {STEP:?}\ngravity = [0.0, -9.81, 0.0]\n[contact]\nstiffness = {STIFFNESS:?}\n{bodies}\n\
+            "[step]\ndt = {STEP:?}\ngravity = [0.0, -9.81, 0.0]\n[solver]\ntolerance = 1e-5\n\
+             [contact]\nstiffness = {STIFFNESS:?}\n{bodies}\n\
              [tool]\n{tool}\nmass = 0.05\nposition = [0.0, 0.015, 0.0]\n"
         );
         open(&scene(&text), None)
