@@ -7,7 +7,7 @@
 const uint ERROR_DELAY = 4;     // number of iterations over which the estimate sums
 // Greatest error at which a solver without a tolerance stops, as a share of the energy of the difference of this step's
 // change of velocity from the last step's. Half that difference is what one step of implicit Euler differs from the
-// trapezoidal rule: the local error of the time step. The error is to be a twentieth of it.
+// trapezoidal rule: the local error of the time step. The solver's error is to be a twentieth of that half.
 const float STEP_ERROR_SHARE = 1.0 / (4.0 * 20.0 * 20.0);
 
 float error_energy(Iteration last) {
@@ -15,8 +15,9 @@ float error_energy(Iteration last) {
     return e.x + e.y + e.z + e.w;
 }
 
-// Estimate of e . A e after the last iteration, J: what each further iteration removes falls by the least of the factors
-// by which it fell in the last three. UNLIMITED where it rose, or where fewer than ERROR_DELAY iterations are done.
+// Estimate of e . A e after the last iteration, J. What each further iteration removes is taken to be that of the one
+// before, times the greatest ratio of two successive ones among the last four. UNLIMITED where one rose, or where fewer
+// than ERROR_DELAY iterations are done.
 float error_energy_left(Iteration last) {
     vec4 e = last.energies;
     float ratio = max(max(e.x / e.y, e.y / e.z), e.z / e.w);

@@ -13,7 +13,8 @@
 // r is the node's rest position and v_centre the velocity of the frame's centre. The second formula moves the node by
 // h v in the world, and expresses its new place in the frame at the end. The kernel also keeps the residual b - A x,
 // which the next step adds to its b (carried residual), and x minus the last step's solution (the trend). Nodes attached
-// to a rigid core (rigid body inside a soft one) keep d = 0. The tool is the rigid body that the haptic device leads. One invocation runs for each node. The f64
+// to a rigid core (rigid body inside a soft one) keep d = 0. The tool is the rigid body that the haptic device leads.
+// One invocation runs for each node. The f64
 // reference is oracle::step.
 
 layout(local_size_x_id = 0) in;

@@ -29,9 +29,10 @@ pub const BLOCK_UNKNOWNS: usize = 12;
 /// goes on to a tolerance below [`TIGHT`]; see [`least_number`]. A stiffness number is the ratio of a node's stiffness to
 /// its inertia in a step.
 const STIFF: f64 = 2.4;
-/// The same for a solver that stops earlier. What the coarse space costs outside the loop then weighs more.
+/// Stiffness number from which the coarse space saves time for such a body where the solver stops earlier, after fewer
+/// iterations, so that what the coarse space costs outside the loop weighs more.
 const STIFF_LOOSE: f64 = 16.0;
-/// Relative residual.
+/// Relative residual below which a solver's tolerance counts as tight.
 const TIGHT: f64 = 1e-3;
 /// Least number of aggregates of a body that has enough free nodes for that many (see [`LEAST_NODES`]).
 const LEAST_AGGREGATES: usize = 64;
@@ -258,9 +259,10 @@ fn aggregates(nodes: usize) -> usize {
 }
 
 /// Stiffness number from which the coarse space saves time for a body with this many free nodes, over that for a body
-/// with one free node per aggregate. The square root of the stiffness number is the distance, in nodes, that an elastic wave travels in a step, and so the distance over which
-/// iterations with a Jacobi preconditioner alone must carry information. With the coarse space, iterations need to
-/// carry information only across an aggregate, but one iteration costs about as much as three without it.
+/// with one free node per aggregate. The square root of the stiffness number is the distance, in nodes, that an elastic
+/// wave travels in a step, and so the distance over which iterations with a Jacobi preconditioner alone must carry
+/// information. With the coarse space, iterations need to carry information only across an aggregate, but one iteration
+/// costs about as much as three without it.
 fn least_number(nodes: usize) -> f64 {
     (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)
 }

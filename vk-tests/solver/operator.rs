@@ -13,7 +13,8 @@ use crate::stage::elastic::expect_of_largest;
 /// Greatest allowed error of A x, relative to the largest value of a body's rows, which sum a few dozen terms. Each
 /// term is a dozen roundings of 6e-8 away from the input.
 const PRODUCT: f64 = 2.0e-6;
-/// The same where tetrahedra are so compressed that the modulus of the compression penalty rises: it is known to 1e-5.
+/// Greatest allowed error of A x where tetrahedra are so compressed that the modulus of the compression penalty rises:
+/// this modulus is known to 1e-5.
 const COMPRESSED_PRODUCT: f64 = 4.0e-6;
 /// Greatest allowed error of inner products, relative to the sum of the magnitudes of the terms: vectors of a hundred
 /// numbers of both signs.
