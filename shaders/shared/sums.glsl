@@ -1,7 +1,10 @@
-// Sums of several vectors over a workgroup at once, in a fixed order; every lane gets the totals. The vectors'
+// Sums of several vectors over a workgroup at once, in a fixed order; every lane gets the totals. Where the workgroup is
+// one subgroup, as on a CPU, the subgroup adds them, without shared memory and barriers. Elsewhere the vectors'
 // components are shared out to the lanes: a lane sums a component over all lanes, or, in a workgroup of more than 32
 // lanes, over one of several parts of the lanes. An including shader declares SIZE, the workgroup's size, and SUMS, the
-// greatest number of vectors.
+// greatest number of vectors, and enables GL_KHR_shader_subgroup_arithmetic.
+
+layout(constant_id = 30) const bool ONE_SUBGROUP = false;     // set by src/gpu/kernel.rs: the workgroup is one subgroup
 
 const uint SUM_PARTS = SIZE > 32 ? SIZE / 32 : 1;      // number of parts into which the lanes are divided
 const uint SUM_SHARE = SIZE / SUM_PARTS;               // number of lanes in a part
@@ -10,6 +13,10 @@ shared float sums_of_lanes[4 * SUMS * SIZE];
 shared float sums_of_parts[4 * SUMS * SUM_PARTS];
 
 void workgroup_sums(inout vec4 values[SUMS], uint count) {
+    if (ONE_SUBGROUP) {
+        for (uint k = 0; k < count; k++) values[k] = subgroupAdd(values[k]);
+        return;
+    }
     uint lane = gl_LocalInvocationID.x, numbers = 4 * count;
     for (uint k = 0; k < count; k++) {
         for (uint l = 0; l < 4; l++) sums_of_lanes[(4 * k + l) * SIZE + lane] = values[k][l];

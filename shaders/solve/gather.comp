@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/rounding.glsl"
@@ -33,6 +34,7 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // first of the blocks that this ROLE works on
 layout(constant_id = 10) const bool JOINTS = false;
+layout(constant_id = 11) const bool ASSEMBLED = false;      // whether the operator is kept as blocks of edges
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(push_constant) uniform Which { uint set; };      // which of two sets of iterates holds u and r in GATHER_LOOP
@@ -46,6 +48,8 @@ READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(uvec4, node_elements);
 READ_ONLY(vec4, element_forces);
+READ_ONLY(uvec4, node_edges);
+READ_ONLY(vec4, stiffness_blocks);
 layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
 layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
@@ -140,7 +144,9 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
         uint i = node.x;
         vec4 rest = fetch(node_rest, i);
         vec3 p = fetch(change, i).xyz;
-        vec3 w = (rest.w + params.dt * node_damping(node)) * p + gather_elements(node.y, node.z);
+        vec3 w = (rest.w + params.dt * node_damping(node)) * p;
+        if (ASSEMBLED) w += gather_edges(p, node.y, node.z);
+        else w += gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
         operator_product[i] = vec4(w, 0.0);
         if (ROLE == ATTACHED_NODES) {

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/args.glsl"
@@ -58,7 +59,8 @@ layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) buffer Iterations { Iteration iterations[2]; };
 layout(scalar) buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) buffer RestrictedDirection { vec4 restricted_direction[]; };       // P^T s, in two sets
+READ_ONLY(vec4, restricted_direction);    // P^T s
+layout(scalar) writeonly buffer NextRestrictedDirection { vec4 next_restricted_direction[]; };
 layout(scalar) buffer Solution { vec4 solution[]; };
 layout(scalar) writeonly buffer NextResidual { vec4 next_residual[]; };
 layout(scalar) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
@@ -148,10 +150,10 @@ bool next_scalars(out Scalars scalars) {
 
 // Texel k of the body's part of P^T r (restriction to the modes) with the new r: four modes multiplied by their scales;
 // zero beyond the body's last texel.
-vec4 next_coarse_vector(CoarseBlock block, uint k, uint read, Scalars scalars) {
+vec4 next_coarse_vector(CoarseBlock block, uint k, Scalars scalars) {
     if (k >= block.texels) return vec4(0.0);
     uint at = block.first + k;
-    vec4 s = fetch(restricted_product, at) + scalars.beta * restricted_direction[read + at];
+    vec4 s = fetch(restricted_product, at) + scalars.beta * fetch(restricted_direction, at);
     return coarse_scale(at) * (fetch(restricted_residual, at) - scalars.alpha * s);
 }
 
@@ -159,16 +161,15 @@ vec4 next_coarse_vector(CoarseBlock block, uint k, uint read, Scalars scalars) {
 // block's part of P^T s.
 vec4[3] coarse_correction(uint b, Scalars scalars) {
     CoarseBlock block = coarse_block(b);
-    uint read = set * 3 * BLOCKS, write = (1 - set) * 3 * BLOCKS;
     vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
     for (uint k = gl_LocalInvocationID.x; k < row_texels(block); k += SIZE) {
-        vec4 low = next_coarse_vector(block, 2 * k, read, scalars), high = next_coarse_vector(block, 2 * k + 1, read, scalars);
+        vec4 low = next_coarse_vector(block, 2 * k, scalars), high = next_coarse_vector(block, 2 * k + 1, scalars);
         add_products(totals, block, k, low, high);
     }
     if (gl_LocalInvocationID.x < 3) {
         uint at = block.own + gl_LocalInvocationID.x;
-        restricted_direction[write + at] =
-            fetch(restricted_product, at) + scalars.beta * restricted_direction[read + at];
+        next_restricted_direction[at] =
+            fetch(restricted_product, at) + scalars.beta * fetch(restricted_direction, at);
     }
     workgroup_sums(totals, 3);
     for (int row = 0; row < 3; row++) totals[row] *= block.texels > 0 ? coarse_scale(block.own + row) : vec4(0.0);

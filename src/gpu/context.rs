@@ -113,6 +113,7 @@ pub struct Context {
     pub(super) allocated: AtomicU64,
     info: DeviceInfo,
     subgroup_size: u32,
+    full_subgroups: bool,
     int64_atomics: bool,
     fragment_stores: bool,
     #[cfg_attr(not(feature = "window"), allow(dead_code))]
@@ -242,6 +243,7 @@ impl Context {
             allocated: AtomicU64::new(0),
             info: chosen.info,
             subgroup_size: chosen.subgroup_size,
+            full_subgroups: chosen.full_subgroups,
             int64_atomics: chosen.int64_atomics,
             fragment_stores: chosen.fragment_stores,
             physical: chosen.physical,
@@ -296,6 +298,11 @@ impl Context {
     #[doc(hidden)]
     pub fn reduce_size(&self) -> u32 {
         if self.info.kind == DeviceKind::Cpu { self.subgroup_size.max(1) } else { REDUCE_SIZE }
+    }
+
+    /// Whether a workgroup of this size is one subgroup, in which all lanes are in use, and may add over the subgroup.
+    pub(super) fn is_one_subgroup(&self, workgroup: u32) -> bool {
+        self.full_subgroups && self.host.is_none() && workgroup == self.subgroup_size
     }
 
     /// Number of invocations in a subgroup. Use it only to choose between variants of a kernel: no kernel may rely on
@@ -603,8 +610,11 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
         .scalar_block_layout(true)
         .shader_buffer_int64_atomics(chosen.int64_atomics);
-    let mut v13 =
-        vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true).maintenance4(true);
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
+        .synchronization2(true)
+        .dynamic_rendering(true)
+        .maintenance4(true)
+        .compute_full_subgroups(chosen.full_subgroups);
     let wanted =
         [(chosen.external_memory_fd, ash::khr::external_memory_fd::NAME), (presents, ash::khr::swapchain::NAME)];
     let extensions: Vec<_> = wanted.iter().filter(|(is, _)| *is).map(|(_, name)| name.as_ptr()).collect();

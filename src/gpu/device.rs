@@ -48,6 +48,7 @@ pub(super) struct Candidate {
     pub queue_family: u32,
     pub timestamp_bits: u32,
     pub subgroup_size: u32,
+    pub full_subgroups: bool,
     pub int64_atomics: bool,
     pub fragment_stores: bool,
     pub external_memory_fd: bool,
@@ -157,6 +158,9 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         queue_family: family.unwrap_or(0) as u32,
         timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
         subgroup_size: subgroup.subgroup_size,
+        full_subgroups: features.full_subgroups
+            && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
+            && subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::ARITHMETIC),
         int64_atomics: features.int64_atomics,
         fragment_stores: features.fragment_stores,
         external_memory_fd: offers(ash::khr::external_memory_fd::NAME) && exports_buffers(instance, physical),
@@ -188,6 +192,8 @@ struct Features {
     int64_atomics: bool,
     /// Whether fragment shaders may write storage buffers.
     fragment_stores: bool,
+    /// Whether a kernel may ask for subgroups all of whose lanes are in use.
+    full_subgroups: bool,
 }
 
 fn features(instance: &ash::Instance, physical: vk::PhysicalDevice, api: u32) -> Features {
@@ -212,6 +218,7 @@ fn features(instance: &ash::Instance, physical: vk::PhysicalDevice, api: u32) ->
         lacking: (!lacking.is_empty()).then(|| format!("its driver lacks {}", lacking.join(", "))),
         int64_atomics: int64 && v12.shader_buffer_int64_atomics != 0,
         fragment_stores: fragments,
+        full_subgroups: v13.compute_full_subgroups != 0,
     }
 }
 

@@ -13,6 +13,9 @@ use super::spirv::{self, Binding, BindingKind, ConstKind, Reflection};
 use super::{failed, specialise};
 use crate::error::{Error, Result};
 
+/// Id of the specialization constant ONE_SUBGROUP: whether a workgroup is one subgroup (shaders/shared/sums.glsl).
+const ONE_SUBGROUP: u32 = 30;
+
 mod table {
     include!(concat!(env!("OUT_DIR"), "/spirv.rs"));
 }
@@ -116,13 +119,21 @@ impl Kernel {
         };
         let (words, reflection) = shader(context, name, arrays)?;
         let mut special = Specialization::new(name, &reflection, constants)?;
+        let is_one_subgroup = size == Size::Reduce && context.is_one_subgroup(local_size);
         special.set(0, local_size);
+        special.set(ONE_SUBGROUP, is_one_subgroup.into());
         let declared = reflection.names().map(Into::into).collect();
         let (words, reflection) = specialised(name, &words, &special, |_| None)?;
         let module = Module::new(context, name, &words)?;
         let interface = Interface::new(context, name, declared, reflection, vk::ShaderStageFlags::COMPUTE)?;
         let special = special.info();
+        let full = if is_one_subgroup {
+            vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS
+        } else {
+            vk::PipelineShaderStageCreateFlags::empty()
+        };
         let stage_info = vk::PipelineShaderStageCreateInfo::default()
+            .flags(full)
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module.handle)
             .name(c"main")

@@ -61,6 +61,7 @@ pub fn optional(words: &[u32]) -> Result<HashSet<u32>, String> {
 
 // Opcodes of SPIR-V instructions.
 const NAME: u32 = 5;
+const CAPABILITY: u32 = 17;
 const ENTRY_POINT: u32 = 15;
 const TYPE_BOOL: u32 = 20;
 const CONSTANT_TRUE: u32 = 41;
@@ -94,6 +95,11 @@ const ATOMIC_STORE: u32 = 228;
 const ATOMIC_FIRST: u32 = 227;
 /// Opcode of the last atomic instruction.
 const ATOMIC_LAST: u32 = 242;
+/// Opcodes of the first and of the last instruction that works on a whole subgroup. All of them return a value.
+const SUBGROUP_FIRST: u32 = 333;
+const SUBGROUP_LAST: u32 = 366;
+/// Numbers of the capabilities `GroupNonUniform` and `GroupNonUniformArithmetic`.
+const SUBGROUP_CAPABILITIES: [u32; 2] = [61, 63];
 /// First word of an OpUndef instruction: its length (3 words) and its opcode (1).
 const UNDEFINED_WORDS: u32 = (3 << 16) | 1;
 const LOAD: u32 = 61;
@@ -407,15 +413,26 @@ impl<'a> Flow<'a> {
     }
 
     /// The module without its unused bindings. In blocks that never run, reads of a removed binding become undefined
-    /// values and writes to it are left out; otherwise these blocks are unchanged, and the driver may remove them.
+    /// values and writes to it are left out, and sums over a subgroup become undefined; otherwise these blocks are
+    /// unchanged, and the driver may remove them. Where no sum over a subgroup is left, the module no longer asks for
+    /// the capability, which a device may lack.
     fn stripped(&self, words: &[u32]) -> Result<Vec<u32>, String> {
         let used = self.used();
+        let mut needs_subgroups = false;
+        self.in_functions(|instruction, runs| {
+            needs_subgroups |= runs && (SUBGROUP_FIRST..=SUBGROUP_LAST).contains(&instruction.opcode);
+        });
         let bindings = self.instructions.iter().filter(|i| i.opcode == VARIABLE && is_binding(i.operands));
         // Ids of the removed variables, and of pointers and images that are derived from them.
         let mut gone: HashSet<u32> = bindings.map(|i| i.operands[1]).filter(|id| !used.contains(id)).collect();
-        let mut out = words[..HEADER].to_vec();
+        let (mut out, mut runs) = (words[..HEADER].to_vec(), true);
         for Instruction { opcode, operands, words } in &self.instructions {
+            if *opcode == LABEL {
+                runs = self.running.contains(&operands[0]);
+            }
             match (*opcode, *operands) {
+                (CAPABILITY, [which]) if !needs_subgroups && SUBGROUP_CAPABILITIES.contains(which) => {}
+                (SUBGROUP_FIRST..=SUBGROUP_LAST, [ty, id, ..]) if !runs => out.extend([UNDEFINED_WORDS, *ty, *id]),
                 (ENTRY_POINT, _) => {
                     let (entry, variables) = words.split_at(ENTRY_WORDS);
                     let kept: Vec<u32> = variables.iter().filter(|id| !gone.contains(id)).copied().collect();

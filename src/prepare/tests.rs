@@ -14,8 +14,8 @@ use glam::{DQuat, DVec3};
 use super::{Body, Layer, Shape, body, embed, layer, mass, proxies, skin, stuffing, tool};
 use crate::Result;
 use crate::scene::{
-    self, Bind, Contact, Core, Haptics, Material, MaterialLaw, Model, Motion, Preconditioner, Scene, Solver, Step,
-    Surface, Tool, ToolShape, obj,
+    self, Bind, Contact, Core, Haptics, Material, MaterialLaw, Model, Motion, Operator, Preconditioner, Scene, Solver,
+    Step, Surface, Tool, ToolShape, obj,
 };
 use real_meshes::meshes;
 
@@ -111,7 +111,12 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
     Scene {
         file: "scene.toml".into(),
         step: Step { dt: 0.001, gravity: DVec3::ZERO, newton: 1 },
-        solver: Solver { tolerance: Some(1e-5), max_iterations: 200, preconditioner: Preconditioner::Auto },
+        solver: Solver {
+            tolerance: Some(1e-5),
+            max_iterations: 200,
+            preconditioner: Preconditioner::Auto,
+            operator: Operator::Auto,
+        },
         contact: Contact {
             stiffness: None,
             damping: None,

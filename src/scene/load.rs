@@ -14,8 +14,8 @@ use super::keys::{Node, Source, Table, Value};
 use super::preset::{self, PRESETS, Preset};
 use super::reference::{self, TableKeys};
 use super::{
-    Body, Contact, Coupling, DepthPath, Haptics, Preconditioner, Probe, Scene, SceneBuilder, Sides, Solver, Step, Tool,
-    ToolShape, body, check, haptics, names, trajectory,
+    Body, Contact, Coupling, DepthPath, Haptics, Operator, Preconditioner, Probe, Scene, SceneBuilder, Sides, Solver,
+    Step, Tool, ToolShape, body, check, haptics, names, trajectory,
 };
 use crate::{Error, Result};
 
@@ -147,7 +147,7 @@ pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) 
     if let Some(preset) = root.option("preset", preset_of)? {
         let Step { gravity, .. } = scene.step;
         scene.step = Step { gravity, ..no_step(&preset) };
-        scene.solver = Solver { preconditioner: scene.solver.preconditioner, ..no_solver(&preset) };
+        scene.solver = Solver { tolerance: preset.tolerance, max_iterations: preset.max_iterations, ..scene.solver };
         scene.contact.sides = preset.sides;
         scene.preset = Some(preset.chosen(is_given));
     }
@@ -184,10 +184,10 @@ fn no_step(defaults: &Preset) -> Step {
     Step { dt: defaults.dt, gravity: GRAVITY, newton: defaults.newton }
 }
 
-/// The settings of a scene without `[solver]`; the preset `defaults` gives all values but the preconditioner.
+/// The settings of a scene without `[solver]`; the preset `defaults` gives tolerance and iterations.
 fn no_solver(defaults: &Preset) -> Solver {
     let Preset { tolerance, max_iterations, .. } = *defaults;
-    Solver { tolerance, max_iterations, preconditioner: Preconditioner::Auto }
+    Solver { tolerance, max_iterations, preconditioner: Preconditioner::Auto, operator: Operator::Auto }
 }
 
 /// The settings of a scene without `[contact]`; the preset `defaults` gives the value of `sides`.
@@ -226,6 +226,7 @@ fn solver(root: &Table, none: &Solver) -> Result<Solver> {
         preconditioner: table.or("preconditioner", none.preconditioner, |value| {
             value.one_of("preconditioner", &Preconditioner::CHOICES)
         })?,
+        operator: table.or("operator", none.operator, |value| value.one_of("operator", &Operator::CHOICES))?,
     })
 }
 

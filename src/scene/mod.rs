@@ -123,6 +123,22 @@ pub struct Solver {
     pub max_iterations: u32,
     /// Preconditioner.
     pub preconditioner: Preconditioner,
+    /// How the operator is applied.
+    pub operator: Operator,
+}
+
+/// How the elements' part of the linear system's operator is applied to a vector.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Operator {
+    /// Assembled once a solve as a matrix of 3x3 blocks; matrix-free in a scene with F-bar materials.
+    Auto,
+    /// Element by element in each iteration, without a matrix.
+    MatrixFree,
+}
+
+impl Operator {
+    /// Names that a scene file may give, with their values.
+    pub(crate) const CHOICES: [(&str, Operator); 2] = [("auto", Operator::Auto), ("matrix-free", Operator::MatrixFree)];
 }
 
 /// The preconditioner of the linear system.

@@ -134,6 +134,13 @@ pub const SOLVER: TableKeys = TableKeys {
             "Block Jacobi alone, or with an additive coarse space (two-level additive Schwarz) on every soft body; \
              `auto` decides for each body by its stiffness.",
         ),
+        key(
+            "operator",
+            "`\"auto\"` or `\"matrix-free\"`",
+            "\"auto\"",
+            "`auto` assembles the stiffness of the elements once a solve, as a matrix of 3x3 blocks; a scene with F-bar \
+             materials is solved without a matrix, element by element in each iteration, as `matrix-free` solves all.",
+        ),
     ],
 };
 

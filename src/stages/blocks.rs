@@ -109,6 +109,7 @@ impl Model {
         nodes.iter().for_each(|n| by_frame[self.node_info[*n as usize][2] as usize].push(*n));
         let mut parts = Vec::new();
         for own in by_frame.into_iter().filter(|own| !own.is_empty()) {
+            let first_part = parts.len();
             match aggregates {
                 Some(count) => {
                     let share = ((count * own.len() + total / 2) / total).max(1);
@@ -117,6 +118,9 @@ impl Model {
                     parts.extend(aggregates.into_iter().filter(|part| !part.is_empty()));
                 }
                 None => parts.extend(own.chunks(usual).map(<[u32]>::to_vec)),
+            }
+            for part in &mut parts[first_part..] {
+                part.sort_by_key(|n| self.node_info[*n as usize][1]);
             }
         }
         parts

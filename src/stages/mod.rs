@@ -16,6 +16,7 @@ pub mod contact_law;
 pub mod cull;
 pub mod depth;
 pub mod draw;
+pub mod edges;
 pub mod elastic;
 mod flags;
 pub mod gap;

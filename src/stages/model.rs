@@ -22,7 +22,7 @@ use super::layers::OF_PATCH;
 use super::mean_dilatation::Patches;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
-use crate::scene::{Scene, Sides, ToolShape};
+use crate::scene::{Operator, Scene, Sides, ToolShape};
 use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, PairProxy, Proxy};
 use crate::stages::PAIR_PATCHES;
 
@@ -113,6 +113,8 @@ pub struct Model {
     pub friction: [f32; 2],
     /// Newton iterations per step.
     pub newton: u32,
+    /// Whether the solver assembles its operator.
+    pub assembles: bool,
     /// The materials of all bodies.
     pub materials: Vec<ElasticMaterial>,
     /// Per body: its first frame; `NONE` for a half-space.
@@ -243,6 +245,7 @@ impl Model {
         }
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         model.newton = scene.step.newton;
+        model.assembles = scene.solver.operator == Operator::Auto && model.patches.count() == 0;
         model.tool_sphere = scene.tool.as_ref().and_then(|tool| match tool.shape {
             ToolShape::Sphere(radius) => Some(radius),
             _ => None,

@@ -15,6 +15,7 @@ use crate::shaders;
 use std::sync::Arc;
 
 use super::contact::Touch;
+use super::edges::Edges;
 use super::model::Model;
 use super::{array, count, gap, upload, zeros};
 use crate::Result;
@@ -26,7 +27,7 @@ const UNTURNED: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 /// Kernels and vectors of the solver; a vector has a vec4 per node.
 pub struct Solve {
     assemble: Kernel,
-    element_product: Kernel,
+    operator: Operator,
     contact_product: Kernel,
     patch_product: Option<Kernel>,
     gather_warm_start: Vec<Variant>,
@@ -58,7 +59,7 @@ pub struct Solve {
     restricted_rhs: Buffer,
     restricted_product: Buffer,
     restricted_residual: Buffer,
-    restricted_direction: Buffer,
+    restricted_direction: Both,
     coarse_rhs: Buffer,
     coarse_product: Buffer,
     coarse_dots: Buffer,
@@ -103,6 +104,10 @@ struct Both {
 }
 
 impl Both {
+    fn new(sets: [Buffer; 2], now: &'static [&'static str], next: &'static [&'static str]) -> Both {
+        Both { now: sets.each_ref().map(|set| set.known_as(now)), next: sets.map(|set| set.known_as(next)) }
+    }
+
     /// The copy that is read by an iteration that reads this set.
     fn now(&self, set: u32) -> &Buffer {
         &self.now[set as usize]
@@ -142,6 +147,42 @@ struct Variant {
 struct CoarseKernels {
     warm_start: Kernel,
     end: Kernel,
+}
+
+/// How the elements' part of the operator is applied.
+enum Operator {
+    /// By a kernel that computes the forces of each tetrahedron in each iteration.
+    MatrixFree { element_product: Kernel },
+    /// As a matrix.
+    Assembled(Assembled),
+}
+
+/// The elements' part of the operator as a 3x3 block for each edge (see [`Edges`]), assembled once a solve.
+struct Assembled {
+    stiffness_blocks: Kernel,
+    edge_count: u32,
+    edges: Buffer,
+    edge_elements: Buffer,
+    node_edges: Buffer,
+    block_nodes: Buffer,
+    blocks: Buffer,
+}
+
+impl Assembled {
+    fn new(context: &Arc<Context>, model: &Model) -> Result<Assembled> {
+        let edges = Edges::of(model);
+        let edge_count = edges.edges.len() as u32;
+        let edge_count_c = ("EDGES", Const::Uint(edge_count));
+        Ok(Assembled {
+            stiffness_blocks: Kernel::new(context, "solve/stiffness_blocks", Size::Group, &[edge_count_c])?,
+            edge_count,
+            edges: upload_or_nothing(context, "edges", &edges.edges)?,
+            edge_elements: upload_or_nothing(context, "edge_elements", &edges.elements)?,
+            node_edges: upload_or_nothing(context, "node_edges", &edges.of_nodes)?,
+            block_nodes: upload_or_nothing(context, "block_nodes", &edges.block_nodes)?,
+            blocks: zeros::<[f32; 4]>(context, "stiffness_blocks", 3 * (edges.edges.len() + 1))?,
+        })
+    }
 }
 
 impl Solve {
@@ -186,8 +227,18 @@ impl Solve {
             };
             roles.iter().map(variant).collect()
         };
+        let operator = if model.assembles {
+            Operator::Assembled(Assembled::new(context, model)?)
+        } else {
+            let element_product = Kernel::new(context, "solve/element_product", Size::Group, &[tetrahedra_c])?;
+            Operator::MatrixFree { element_product }
+        };
+        let is_assembled = ("ASSEMBLED", model.assembles.into());
         let gather = |mode: u32| {
-            variants("solve/gather", &[blocks, contact, friction, coarse, rigids, joints, held, ("MODE", mode.into())])
+            variants(
+                "solve/gather",
+                &[blocks, contact, friction, coarse, rigids, joints, held, ("MODE", mode.into()), is_assembled],
+            )
         };
         let patch_count = model.patches.count();
         let patches_c = ("PATCHES", count(patch_count));
@@ -195,12 +246,12 @@ impl Solve {
         let coarse_kernel = |warm_start: bool| reduce("solve/coarse", &[("WARM_START", warm_start.into())]);
         let coarse_kernels = || Ok(CoarseKernels { warm_start: coarse_kernel(true)?, end: coarse_kernel(false)? });
         let vector = |name: &str| zeros::<[f32; 4]>(context, name, nodes);
-        let both = |now: &'static [&'static str], next: &'static [&'static str]| -> Result<Both> {
-            let sets = [vector(now[0])?, vector(now[0])?];
-            Ok(Both { now: sets.each_ref().map(|set| set.known_as(now)), next: sets.map(|set| set.known_as(next)) })
+        let both = |now: &'static [&'static str], next: &'static [&'static str]| {
+            Ok(Both::new([vector(now[0])?, vector(now[0])?], now, next))
         };
-        let block_vectors = |name: &str, sets: usize| zeros::<[f32; 4]>(context, name, 3 * groups * sets);
-        let coarse_vectors = |name: &str, sets: usize| block_vectors(name, if is_coarse { sets } else { 0 });
+        let block_vector = |name: &str| zeros::<[f32; 4]>(context, name, 3 * groups);
+        let coarse_vector = |name: &str| zeros::<[f32; 4]>(context, name, if is_coarse { 3 * groups } else { 0 });
+        let directions = [coarse_vector("restricted_direction")?, coarse_vector("restricted_direction")?];
         let all = 2 * rigid_count;
         let direction_product = both(&["direction_product"], &["next_direction_product"])?;
         let trend_product = direction_product.now[1].known_as(&["trend_product", "operator_product"]);
@@ -209,7 +260,7 @@ impl Solve {
                 "solve/assemble",
                 &[contact, friction, coarse, joints, held, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
             )?,
-            element_product: Kernel::new(context, "solve/element_product", Size::Group, &[tetrahedra_c])?,
+            operator,
             contact_product: Kernel::new(context, "solve/contact_product", Size::Group, &[friction, tool, rigids])?,
             patch_product: (patch_count > 0).then(patch_product).transpose()?,
             gather_warm_start: gather(shaders::GATHER_WARM_START)?,
@@ -257,13 +308,13 @@ impl Solve {
             coarse_blocks: upload_or_nothing(context, "coarse_blocks", &model.coarse.blocks)?,
             coarse_inverse: upload_or_nothing(context, "coarse_inverse", &model.coarse.inverse)?,
             coarse_scales: upload_or_nothing(context, "coarse_scales", &model.coarse.scales)?,
-            restricted_rhs: block_vectors("restricted_rhs", 1)?,
-            restricted_product: block_vectors("restricted_product", 1)?,
-            restricted_residual: coarse_vectors("restricted_residual", 1)?
+            restricted_rhs: block_vector("restricted_rhs")?,
+            restricted_product: block_vector("restricted_product")?,
+            restricted_residual: coarse_vector("restricted_residual")?
                 .known_as(&["restricted_residual", "restricted_rhs"]),
-            restricted_direction: coarse_vectors("restricted_direction", 2)?,
-            coarse_rhs: coarse_vectors("coarse_rhs", 1)?,
-            coarse_product: coarse_vectors("coarse_product", 1)?,
+            restricted_direction: Both::new(directions, &["restricted_direction"], &["next_restricted_direction"]),
+            coarse_rhs: coarse_vector("coarse_rhs")?,
+            coarse_product: coarse_vector("coarse_product")?,
             coarse_dots: array::<f32>(context, "coarse_dots", if is_coarse { groups } else { 0 })?,
             rigids: upload_or_nothing(context, "rigids", &rigids_at_rest)?,
             rigid_blocks: array::<f32>(context, "rigid_blocks", shaders::CORE_NUMBERS as usize * model.cores.len())?,
@@ -290,9 +341,9 @@ impl Solve {
                 rigids: zeros::<shaders::RigidIterate>(context, "rigid_trends", all)?
                     .known_as(&["rigid_trends", "iterates"]),
                 operator_product: trend_product,
-                restricted_product: block_vectors("restricted_trend", 1)?
+                restricted_product: block_vector("restricted_trend")?
                     .known_as(&["restricted_trend", "restricted_product"]),
-                coarse_product: coarse_vectors("coarse_trend", 1)?,
+                coarse_product: coarse_vector("coarse_trend")?,
                 projections: array::<[f32; 4]>(context, "trend_projections", groups)?
                     .known_as(&["trend_projections", "projections"]),
             },
@@ -301,9 +352,24 @@ impl Solve {
 }
 
 impl Solve {
+    /// Whether products with the operator overwrite the elements' forces.
+    pub fn overwrites_forces(&self) -> bool {
+        matches!(self.operator, Operator::MatrixFree { .. })
+    }
+
+    fn assembled(&self) -> Option<&Assembled> {
+        match &self.operator {
+            Operator::Assembled(assembled) => Some(assembled),
+            Operator::MatrixFree { .. } => None,
+        }
+    }
+
     /// Writes the damping and the coarse space of a model of the same bodies to the GPU.
     pub fn refresh(&self, model: &Model) -> Result<()> {
         self.block_nodes.write(&model.blocks.nodes)?;
+        if let Some(assembled) = self.assembled() {
+            assembled.block_nodes.write(&Edges::of(model).block_nodes)?;
+        }
         self.coarse_inverse.write(&model.coarse.inverse)?;
         self.coarse_scales.write(&model.coarse.scales)
     }

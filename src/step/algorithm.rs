@@ -100,6 +100,7 @@ fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
     }
     solve.record_reset(&mut begin);
     elastic.record(&mut begin, common);
+    solve.record_operator(&mut begin, elastic);
     solve.record_start(&mut begin, common, elastic);
     begin.finish()
 }
@@ -107,7 +108,11 @@ fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
 fn resolve(stages: &Stages, blank: Blank) -> Result<Recording> {
     let Stages { common, elastic, solve, .. } = stages;
     let mut part = blank()?;
-    elastic.record(&mut part, common);
+    // Products without an assembled operator overwrite the elements' forces, as later Newton iterations do.
+    if solve.overwrites_forces() || elastic.repeats() {
+        elastic.record(&mut part, common);
+        solve.record_operator(&mut part, elastic);
+    }
     solve.record_start(&mut part, common, elastic);
     part.finish()
 }
@@ -121,6 +126,7 @@ fn newton(stages: &Stages, blank: Blank) -> Result<Option<[Recording; 2]>> {
     elastic.record_trial(&mut first, common, solve);
     for part in [&mut first, &mut next] {
         elastic.record_newton(part, common);
+        solve.record_operator(part, elastic);
         solve.record_start(part, common, elastic);
     }
     Ok(Some([first.finish()?, next.finish()?]))

@@ -1,6 +1,7 @@
 //! Tests of the operator product A x, against values found by hand and against the f64 oracle (the reference
-//! implementation on the CPU). The kernels are solve/element_product (elements), solve/contact_product (contacts) and
-//! solve/gather (sums over nodes, and the rows of the tool, the rigid body that the haptic device leads).
+//! implementation on the CPU). The kernels are solve/element_product (elements, matrix-free), solve/stiffness_blocks
+//! (elements, assembled as a matrix), solve/contact_product (contacts) and solve/gather (sums over nodes, and the rows of
+//! the tool, the rigid body that the haptic device leads).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -50,26 +51,31 @@ fn magnitude(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a * b).abs()).sum()
 }
 
-/// Compares the product A x, at nodes and tool, with that of the oracle's matrix, within `share` of the largest value.
-/// Returns how many tetrahedra are inverted.
+/// Compares the product A x, at nodes and tool, with that of the oracle's matrix, within `share` of the largest value,
+/// with the operator assembled and matrix-free. Returns how many tetrahedra are inverted.
 fn expect_oracle(what: &str, system: System, seed: u64, share: f64) -> usize {
     let mut passes = Passes::new(system);
     let mut random = Random(seed);
     let (x, tool) = (passes.system.random_field(&mut random), tool_vector(&mut random));
-    product(&mut passes, &x, tool);
+    for assembled in [false, true] {
+        let what = format!("{what}, {}", if assembled { "assembled" } else { "matrix-free" });
+        passes.assembled = assembled;
+        product(&mut passes, &x, tool);
+        let s = &passes.system;
+        let (a, _) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
+        let (nodes, twist) = s.rows(&a.multiply(&s.unknowns(&x, &tool)));
+        let got = triples(&passes.operator_product);
+        let mut at = 0;
+        for (b, want) in nodes.iter().enumerate() {
+            expect_of_largest(&format!("{what}: body {b}"), &got[at..at + want.len()], want, share);
+            at += want.len();
+        }
+        if passes.tool {
+            expect_of_largest(&format!("{what}: tool, force"), &passes.tool_rows()[..3], &twist[..3], share);
+            expect_of_largest(&format!("{what}: tool, torque"), &passes.tool_rows()[3..], &twist[3..], share);
+        }
+    }
     let s = &passes.system;
-    let (a, _) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
-    let (nodes, twist) = s.rows(&a.multiply(&s.unknowns(&x, &tool)));
-    let got = triples(&passes.operator_product);
-    let mut at = 0;
-    for (b, want) in nodes.iter().enumerate() {
-        expect_of_largest(&format!("{what}: body {b}"), &got[at..at + want.len()], want, share);
-        at += want.len();
-    }
-    if passes.tool {
-        expect_of_largest(&format!("{what}: tool, force"), &passes.tool_rows()[..3], &twist[..3], share);
-        expect_of_largest(&format!("{what}: tool, torque"), &passes.tool_rows()[3..], &twist[3..], share);
-    }
     let inverted = |body: &palpate_oracle::step::SoftBody| {
         let deformed =
             |e: &usize| (DMat3::IDENTITY + body.elements.gradient(*e, &body.displacement)).determinant() < 0.0;
@@ -102,6 +108,7 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     system.entry_nodes[8] = [0, 1, 2, 3];
     system.entry_weights[8] = [0.25, 0.75, 0.0, 0.0];
     let mut passes = Passes::new(system);
+    passes.assembled = false;
     passes.preconditioned = vec![[0.0; 4], [1.0, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4]];
     passes.tool_iterate_mut().x = [9.0; 6];
     passes.apply(Change::Preconditioned);
@@ -131,6 +138,15 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     let sum: Vec<f64> = (0..3).map(|axis| -(want[3 + axis] + want[6 + axis] + want[9 + axis])).collect();
     assert_eq!(triples(&passes.element_forces[..4])[3..], want[3..].iter().map(|x| *x as f32).collect::<Vec<_>>()[..]);
     assert_eq!(triples(&passes.element_forces[..1]), sum.iter().map(|x| *x as f32).collect::<Vec<_>>());
+    // The same assembled: the block of nodes 1 and 2, with g_1 = e_x and g_2 = e_y, is mu g_2 g_1^T + lambda g_1 g_2^T +
+    // [g_1]^T Z [g_2], where Z [g_2] has the columns -Z e_z, 0, Z e_x, and the transpose of [g_1] takes v to v x e_x.
+    passes.assembled = true;
+    passes.system.gradients[0][3] = 2.0;
+    passes.system.gradients[1][3] = 3.0;
+    passes.apply(Change::Preconditioned);
+    let block = passes.edges.edges.iter().position(|edge| edge[2..] == [1, 2]).unwrap();
+    let columns = [[0.0, 2.0 - 4.0, 0.0, 0.0], [3.0, 0.0, 0.0, 0.0], [0.0, 0.0, -8.0, 0.0]];
+    assert_eq!(passes.stiffness_blocks[3 * block..3 * block + 3], columns);
 }
 
 #[test]
@@ -146,6 +162,7 @@ fn nodes_gather_their_elements_by_hand() {
     };
     let system = System::new(&[layered(tetrahedron, material(2e4), DQuat::IDENTITY)], 0.0, 1);
     let mut passes = Passes::new(system);
+    passes.assembled = false;
     for k in 0..4 {
         passes.element_forces[k] = [k as f32 + 1.0, 10.0, 0.0, 0.0];
     }
@@ -215,6 +232,7 @@ fn the_operator_is_symmetric_and_positive() {
         let system = System::new(&bodies, AMPLITUDE, seed).with_tool();
         let system = if seed % 2 == 0 { system } else { system.with_friction() };
         let mut passes = Passes::new(system.with_contacts(CONTACTS, seed + 30));
+        passes.assembled = seed > 1;
         let mut random = Random(seed + 40);
         let mut product_of = |passes: &mut Passes| {
             let (x, tool) = (passes.system.random_field(&mut random), tool_vector(&mut random));
@@ -236,13 +254,20 @@ fn the_operator_is_symmetric_and_positive() {
 
 #[test]
 fn rigid_motions_meet_no_elastic_force() {
-    // solve/element_product must give no force for translations at any deformation, nor for twists of a body that is
-    // turned but not deformed.
+    // The elements must give no force for translations at any deformation, nor for twists of a body that is turned but not
+    // deformed.
     let bodies = two_layers();
     let mut passes = Passes::new(System::new(&bodies, AMPLITUDE, 5));
     passes.preconditioned = vec![[0.3, -0.7, 0.4, 0.0]; passes.nodes()];
+    passes.assembled = false;
     passes.apply(Change::Preconditioned);
     assert!(passes.element_forces.iter().flatten().all(|f| *f == 0.0), "a translation causes an elastic force");
+    passes.gather(1);
+    let of_masses = passes.operator_product.clone();
+    passes.assembled = true;
+    passes.apply(Change::Preconditioned);
+    passes.gather(1);
+    assert_eq!(passes.operator_product, of_masses, "a translation causes a force of the assembled elements");
 
     let mut system = System::new(&bodies, 0.0, 5);
     let spin = DVec3::new(0.4, -1.0, 0.8);
@@ -260,6 +285,7 @@ fn rigid_motions_meet_no_elastic_force() {
     }
     system.rotate();
     let mut passes = Passes::new(system);
+    passes.assembled = false;
     let largest = |passes: &Passes| passes.element_forces.iter().flatten().fold(0.0f32, |m, f| m.max(f.abs()));
     // For comparison, the velocities are of similar size but are no rigid motion.
     passes.preconditioned = twist.iter().map(|v| [v[1], -v[2], v[0] * 0.5, 0.0]).collect();

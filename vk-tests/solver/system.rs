@@ -57,7 +57,12 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
     Scene {
         file: "none".into(),
         step: scene::Step { dt: f64::from(dt), gravity: DVec3::ZERO, newton: 1 },
-        solver: scene::Solver { tolerance: Some(1e-5), max_iterations: 10, preconditioner },
+        solver: scene::Solver {
+            tolerance: Some(1e-5),
+            max_iterations: 10,
+            preconditioner,
+            operator: scene::Operator::Auto,
+        },
         contact: scene::Contact {
             stiffness: Some(1e6),
             damping: Some(1e3),

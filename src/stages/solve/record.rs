@@ -6,7 +6,7 @@ use std::mem::offset_of;
 
 use super::super::Common;
 use super::super::elastic::Elastic;
-use super::{Solve, Trend, Variant};
+use super::{Operator, Solve, Trend, Variant};
 use crate::gpu::{Buffer, Kernel, Recorder};
 use crate::shaders;
 
@@ -25,6 +25,22 @@ impl Solve {
     pub fn record_reset(&self, recorder: &mut Recorder) {
         recorder.stage("solve");
         recorder.fill_range(&self.state, offset_of!(shaders::Solve, retries) as u64, 8, 0);
+    }
+
+    /// Records the assembly of the operator, if it is assembled, after the stage `elastic` has written its gradients.
+    pub fn record_operator(&self, recorder: &mut Recorder, elastic: &Elastic) {
+        let Some(assembled) = self.assembled() else { return };
+        recorder.stage("solve");
+        recorder.dispatch(
+            &assembled.stiffness_blocks,
+            &shaders::solve::StiffnessBlocks {
+                edges: &assembled.edges,
+                edge_elements: &assembled.edge_elements,
+                gradients: &elastic.gradients,
+                stiffness_blocks: &assembled.blocks,
+            },
+            assembled.edge_count,
+        );
     }
 
     /// Records what precedes the iterations: right-hand side, preconditioner, warm start, first residual.
@@ -123,7 +139,7 @@ impl Solve {
                 preconditioned: self.preconditioned.now(0),
                 direction: self.direction.now(0),
                 direction_product: self.direction_product.now(0),
-                restricted_direction: Some(&self.restricted_direction),
+                restricted_direction: Some(self.restricted_direction.now(0)),
             },
             self.block_count,
         );
@@ -162,7 +178,8 @@ impl Solve {
                 solve: &self.state,
                 iterations: &self.iterations,
                 iterates: Some(&self.iterates),
-                restricted_direction: Some(&self.restricted_direction),
+                restricted_direction: Some(self.restricted_direction.now(set)),
+                next_restricted_direction: Some(self.restricted_direction.next(set)),
                 solution: Some(&self.solution),
                 next_residual: Some(self.residual.next(set)),
                 next_preconditioned: Some(self.preconditioned.next(set)),
@@ -305,15 +322,16 @@ impl Solve {
             element_forces: &elastic.element_forces,
         };
         recorder.together(|recorder| {
-            if in_loop {
-                recorder.dispatch_indirect(
-                    &self.element_product,
-                    &of_elements,
-                    &common.args,
-                    shaders::ARGS_LOOP_ELEMENT_PRODUCT,
-                );
-            } else {
-                recorder.dispatch(&self.element_product, &of_elements, elastic.tetrahedron_count as u32);
+            if let Operator::MatrixFree { element_product } = &self.operator {
+                match in_loop {
+                    true => recorder.dispatch_indirect(
+                        element_product,
+                        &of_elements,
+                        &common.args,
+                        shaders::ARGS_LOOP_ELEMENT_PRODUCT,
+                    ),
+                    false => recorder.dispatch(element_product, &of_elements, elastic.tetrahedron_count as u32),
+                }
             }
             if let (Some(kernel), Some(mean_dilatation)) = (&self.patch_product, &elastic.mean_dilatation) {
                 let arguments = shaders::solve::PatchProduct {
@@ -367,18 +385,20 @@ impl Solve {
             (Change::Trend, t) => (&t.nodes, &t.rigids, &t.operator_product, &t.restricted_product, &t.projections),
             _ => usual,
         };
-        let touch = self.touch.as_ref();
+        let (touch, assembled) = (self.touch.as_ref(), self.assembled());
         let arguments = shaders::solve::Gather {
             set: set.unwrap_or_default(),
             params: Some(&common.params),
             block_turns: Some(&self.block_turns),
             blocks: Some(&self.blocks),
-            block_nodes: Some(&self.block_nodes),
+            block_nodes: Some(assembled.map_or(&self.block_nodes, |assembled| &assembled.block_nodes)),
             block_places: Some(&self.block_places),
             coarse_blocks: Some(&self.coarse_blocks),
             node_rest: Some(&elastic.node_rest),
             node_elements: Some(&elastic.node_elements),
             element_forces: Some(&elastic.element_forces),
+            node_edges: assembled.map(|assembled| &assembled.node_edges),
+            stiffness_blocks: assembled.map(|assembled| &assembled.blocks),
             node_entries: touch.map(|touch| &touch.node_entries),
             sorted: touch.map(|touch| &touch.sorted),
             counts: Some(&common.counts),

@@ -319,8 +319,7 @@ fn follow(what: &str, system: System) -> f64 {
         );
         worst = worst.max(expect_preconditioned(&what, &passes, &twin));
         let s = passes.unknowns(&passes.direction_product, |now| now.s);
-        let own = passes.state.current as usize * 3 * passes.blocks();
-        let directions = flat(&passes.restricted_direction[own..own + 3 * passes.blocks()]);
+        let directions = flat(&passes.restricted_direction);
         let of_s = absolute.restricted(&vec![largest(&s); s.len()]);
         expect_within(&format!("{what}: P^T s"), &summed(&passes, directions), &twin.restricted(&s), &of_s, ROUNDS);
     }

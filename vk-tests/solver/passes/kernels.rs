@@ -3,7 +3,7 @@
 //! core is a rigid body inside a soft one, to which nodes are attached and whose motion the solver finds.
 
 use palpate::internal::gpu::Size;
-use palpate::internal::shaders::{Contact, Iteration};
+use palpate::internal::shaders::{Contact, Iteration, RigidIterate};
 
 use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
 use super::{Change, Passes};
@@ -104,24 +104,49 @@ impl Passes {
         self.rigid_inverses = outcome.get("rigid_inverses");
     }
 
-    /// Runs solve/element_product and, with contacts, solve/contact_product.
+    /// Runs solve/stiffness_blocks.
+    fn assemble_operator(&mut self) {
+        let (edges, gradients) = (&self.edges, &self.system.gradients);
+        let count = edges.edges.len();
+        let outcome = case("solve/stiffness_blocks")
+            .constant("EDGES", count as u32)
+            .input("edges", &edges.edges)
+            .input("edge_elements", &edges.elements)
+            .input("gradients", gradients)
+            .output::<[f32; 4]>("stiffness_blocks", 3 * count)
+            .elements(count)
+            .run();
+        self.stiffness_blocks = outcome.get("stiffness_blocks");
+        self.stiffness_blocks.extend([[0.0; 4]; 3]);
+    }
+
+    /// Runs solve/stiffness_blocks or solve/element_product and, with contacts, solve/contact_product.
     pub fn apply(&mut self, change: Change) {
+        if self.assembled {
+            self.assemble_operator();
+        } else {
+            self.apply_elements(change);
+        }
+        self.apply_contacts(change);
+    }
+
+    fn apply_elements(&mut self, change: Change) {
         let (s, tetrahedra) = (&self.system, self.tetrahedra());
-        let (vector, iterates) = match change {
-            Change::Solution => (&self.solution, &self.iterates),
-            Change::Trend => (&self.trend, &self.rigid_trends),
-            Change::Preconditioned => (&self.preconditioned, &self.iterates),
-        };
         let outcome = case("solve/element_product")
             .constant("TETRAHEDRA", tetrahedra as u32)
             .input("tetrahedra", &s.model.tetrahedra)
             .input("gradients", &s.gradients)
-            .input("change", vector)
+            .input("change", self.changed(change).0)
             .output::<[f32; 4]>("element_forces", 4 * tetrahedra)
             .elements(tetrahedra)
             .run();
         let mut forces: Quads = outcome.get("element_forces");
         forces.extend([[0.0; 4]; 4]);
+        self.element_forces = forces;
+    }
+
+    fn apply_contacts(&mut self, change: Change) {
+        let (s, (vector, iterates)) = (&self.system, self.changed(change));
         if self.contact {
             let outcome = case("solve/contact_product")
                 .constant("FRICTION", self.friction)
@@ -140,7 +165,15 @@ impl Passes {
                 .run();
             self.contact_forces = outcome.get("contact_forces");
         }
-        self.element_forces = forces;
+    }
+
+    /// The vector at the nodes that the operator is applied to, and the iterates of the rigid bodies that belong to it.
+    fn changed(&self, change: Change) -> (&[[f32; 4]], &[RigidIterate]) {
+        match change {
+            Change::Solution => (&self.solution, &self.iterates),
+            Change::Trend => (&self.trend, &self.rigid_trends),
+            Change::Preconditioned => (&self.preconditioned, &self.iterates),
+        }
     }
 
     /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and determines
@@ -177,12 +210,8 @@ impl Passes {
     }
 
     fn gather_variant(&self, mode: u32, change: Change, variant: &Variant) -> Outcome {
-        let (s, groups) = (&self.system, self.groups());
-        let (vector, iterates) = match change {
-            Change::Solution => (&self.solution, &self.iterates),
-            Change::Trend => (&self.trend, &self.rigid_trends),
-            Change::Preconditioned => (&self.preconditioned, &self.iterates),
-        };
+        let (s, groups, (vector, iterates)) = (&self.system, self.groups(), self.changed(change));
+        let block_nodes = if self.assembled { &self.edges.block_nodes } else { &s.model.blocks.nodes };
         let residual_or_rhs = if mode == 1 { &self.residual } else { &self.rhs };
         self.reduce("solve/gather")
             .constant("BLOCKS", self.blocks() as u32)
@@ -192,15 +221,18 @@ impl Passes {
             .constant("MODE", mode)
             .constant("ROLE", variant.role)
             .constant("FIRST", variant.first as u32)
+            .constant("ASSEMBLED", self.assembled)
             .input("params", &[s.params])
             .input("block_turns", &self.block_turns)
             .input("blocks", &s.model.blocks.blocks)
-            .input("block_nodes", &s.model.blocks.nodes)
+            .input("block_nodes", block_nodes)
             .input("block_places", &s.model.blocks.places)
             .input("coarse_blocks", &s.model.coarse.blocks)
             .input("node_rest", &s.model.node_rest)
             .input("node_elements", &s.node_elements)
             .input("element_forces", &self.element_forces)
+            .input("node_edges", &self.edges.of_nodes)
+            .input("stiffness_blocks", &self.stiffness_blocks)
             .input("node_entries", &s.node_entries)
             .input("sorted", &s.sorted)
             .input("counts", &[s.counts])
@@ -330,9 +362,8 @@ impl Passes {
         (self.solution, self.trend) = (outcome.get("solution"), outcome.get("trend"));
         (self.residual, self.preconditioned) = (of_nodes("residual"), of_nodes("preconditioned"));
         (self.direction, self.direction_product) = (of_nodes("direction"), of_nodes("direction_product"));
-        let first_set = self.restricted_direction.len() / 2;
         let directions = outcome.get("restricted_direction");
-        self.restricted_direction = settled("restricted_direction", directions, |i| self.coarse && i < first_set);
+        self.restricted_direction = settled("restricted_direction", directions, |_| self.coarse);
     }
 
     pub fn update(&mut self) {
@@ -347,7 +378,6 @@ impl Passes {
         let iterations = merged("iterations", &self.iterations, &outcomes);
         self.iterations = [iterations[0], iterations[1]];
         self.iterates = merged("iterates", &self.iterates, &outcomes);
-        self.restricted_direction = merged("restricted_direction", &self.restricted_direction, &outcomes);
         self.solution = merged("solution", &self.solution, &outcomes);
         self.args = merged("args", &self.args, &outcomes);
         let (roles, goes_on) = (self.roles(), self.state.current != before.current);
@@ -357,9 +387,13 @@ impl Passes {
         };
         let (residual, preconditioned) = (next("next_residual", false), next("next_preconditioned", true));
         let (direction, operator_product) = (next("next_direction", false), next("next_direction_product", false));
+        let modes =
+            merged("next_restricted_direction", &unwritten::<[f32; 4]>(self.restricted_direction.len()), &outcomes);
+        let modes = settled("next_restricted_direction", modes, |_| goes_on && self.coarse);
         if goes_on {
             (self.residual, self.preconditioned) = (residual, preconditioned);
             (self.direction, self.direction_product) = (direction, operator_product);
+            self.restricted_direction = modes;
         }
     }
 
@@ -396,7 +430,8 @@ impl Passes {
             .inout("solve", &[self.state])
             .inout("iterations", &self.iterations)
             .inout("iterates", &self.iterates)
-            .inout("restricted_direction", &self.restricted_direction)
+            .input("restricted_direction", &self.restricted_direction)
+            .partial("next_restricted_direction", &unwritten::<[f32; 4]>(self.restricted_direction.len()))
             .inout("solution", &self.solution)
             .partial("next_residual", &unwritten::<[f32; 4]>(self.nodes()))
             .partial("next_preconditioned", &unwritten::<[f32; 4]>(self.nodes()))

@@ -11,6 +11,7 @@ use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
 use palpate::internal::shaders::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
 use palpate::internal::stages::ARGS_WORDS;
+use palpate::internal::stages::edges::Edges;
 
 pub use kernels::SKIN_PARTS;
 
@@ -35,6 +36,12 @@ pub struct Passes {
     pub tool: bool,
     pub friction: bool,
     pub coarse: bool,
+    /// Whether the operator is assembled as blocks of the edges, as a step does it, or applied tetrahedron by
+    /// tetrahedron (matrix-free).
+    pub assembled: bool,
+    /// The edges of the tetrahedra, and a block of the operator for each edge.
+    pub edges: Edges,
+    pub stiffness_blocks: Vec<[f32; 4]>,
     /// Number of blocks that solve/first_residual and solve/conclude sum over: the model's number, unless a test makes
     /// up the inner products of its own blocks.
     pub block_count: usize,
@@ -65,8 +72,7 @@ pub struct Passes {
     pub restricted_product: Vec<[f32; 4]>,
     pub restricted_trend: Vec<[f32; 4]>,
     pub restricted_residual: Vec<[f32; 4]>,
-    /// P^T s of both sets of iterates, with the prolongation P from the coarse space, and s = A p for the search
-    /// direction p.
+    /// P^T s, with the prolongation P from the coarse space, and s = A p for the search direction p.
     pub restricted_direction: Vec<[f32; 4]>,
     pub coarse_rhs: Vec<[f32; 4]>,
     pub coarse_product: Vec<[f32; 4]>,
@@ -110,6 +116,9 @@ impl Passes {
             tool,
             friction: system.twin.friction.is_some(),
             coarse: !model.coarse.bodies.is_empty(),
+            assembled: true,
+            edges: Edges::of(model),
+            stiffness_blocks: vec![],
             block_count: blocks,
             element_forces: system.element_forces.clone(),
             contact_forces: vec![],
@@ -134,7 +143,7 @@ impl Passes {
             restricted_product: modes.clone(),
             restricted_trend: modes.clone(),
             restricted_residual: modes,
-            restricted_direction: vec![[0.0; 4]; 6 * blocks],
+            restricted_direction: vec![[0.0; 4]; 3 * blocks],
             coarse_rhs: vec![],
             coarse_product: vec![],
             coarse_trend: vec![],

@@ -131,6 +131,7 @@ fn scene(sides: Sides) -> Scene {
             tolerance: Some(1e-5),
             max_iterations: 10,
             preconditioner: scene::Preconditioner::Auto,
+            operator: scene::Operator::Auto,
         },
         contact: scene::Contact {
             stiffness: Some(1e6),
