@@ -14,7 +14,7 @@ use super::{failed, specialise};
 use crate::error::{Error, Result};
 
 /// Id of the specialization constant ONE_SUBGROUP: whether a workgroup is one subgroup (shaders/shared/sums.glsl).
-const ONE_SUBGROUP: u32 = 30;
+pub(super) const ONE_SUBGROUP: u32 = 30;
 
 mod table {
     include!(concat!(env!("OUT_DIR"), "/spirv.rs"));

@@ -469,3 +469,23 @@ impl<'a> Flow<'a> {
         Ok(out)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::context::Arrays;
+    use super::super::kernel::{ONE_SUBGROUP, known};
+    use super::*;
+
+    #[test]
+    fn a_variant_without_sums_over_a_subgroup_needs_no_capability_for_them() {
+        let words: Vec<u32> = bytemuck::allocation::pod_collect_to_vec(known("solve/gather", Arrays::Texel).unwrap());
+        let capabilities = |one_subgroup: u32| -> Vec<u32> {
+            let variant = specialised(&words, &Constants::from([(ONE_SUBGROUP, one_subgroup)])).unwrap();
+            let all = instructions(&variant).unwrap();
+            all.iter().filter(|i| i.opcode == CAPABILITY).map(|i| i.operands[0]).collect()
+        };
+        let (with, without) = (capabilities(1), capabilities(0));
+        assert!(SUBGROUP_CAPABILITIES.iter().all(|one| with.contains(one) && !without.contains(one)));
+        assert_eq!(without.len() + SUBGROUP_CAPABILITIES.len(), with.len());
+    }
+}

@@ -27,6 +27,7 @@ fn any_two_buffers_of_a_pass_that_are_swapped_are_refused_by_name() {
     let solve = Solve::new(&context, &model, Some(&touch.contact.touch)).unwrap();
     let mut recorder = Recorder::untimed(&context).unwrap();
     touch.record(&mut recorder, &common, &elastic, Some(&solve));
+    solve.record_operator(&mut recorder, &elastic);
     solve.record_start(&mut recorder, &common, &elastic);
     solve.record_iterations(&mut recorder, &common, &elastic, 2);
     solve.record_end(&mut recorder, &common, &elastic);
