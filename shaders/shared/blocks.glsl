@@ -15,7 +15,8 @@ Block block_of(uint b) {
 }
 
 // The k-th node of a block: node index; first texel and number of texels of the node in `node_elements`, the lists of
-// forces of elements on nodes; damping (bits of a float).
+// forces of elements on nodes, or in solve/gather with an assembled operator its row (shared/rows.glsl); damping (bits
+// of a float).
 uvec4 block_node(Block block, uint k) { return fetch(block_nodes, block.first + k); }
 
 // Mass-proportional damping alpha m of a node, kg/s: damping coefficient alpha (1/s) times the node's mass m.

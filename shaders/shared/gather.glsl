@@ -1,15 +1,7 @@
-// Sums of forces at a node: of the forces of its elements, and of the forces of its contacts. An including shader
-// declares `node_elements` (texels of four indices into `element_forces`, padded with the index of a zero force),
+// Sums of forces at a node: of the forces of its elements, or the product with its row of the assembled operator
+// (shared/rows.glsl), and of the forces of its contacts. An including shader declares `node_elements` (texels of four indices into `element_forces`, padded with the index of a zero force),
 // `element_forces`, `sorted` (contact and weight of each entry), `node_entries` (first entry of a node in `sorted`, and
-// number of its entries) and `contact_forces`.
-
-// Product of an edge's block with a difference d of changes of velocity. `edge` is twice the index of the edge, plus 1
-// for the transpose of the block.
-vec3 edge_force(uint edge, vec3 d) {
-    uint at = 3 * (edge / 2);
-    mat3 block = mat3(fetch(stiffness_blocks, at).xyz, fetch(stiffness_blocks, at + 1).xyz, fetch(stiffness_blocks, at + 2).xyz);
-    return (edge & 1) == 0 ? block * d : d * block;
-}
+// number of its entries), `contact_forces`, `stiffness_blocks` and `change` (the vector p that is multiplied).
 
 vec3 gather_elements(uint first, uint quads) {
     vec3 sum = vec3(0.0);
@@ -21,13 +13,15 @@ vec3 gather_elements(uint first, uint quads) {
     return sum;
 }
 
-// Product of the elements' part of the operator at a node whose change of velocity is p: sum K_ij (p_j - p) over its
-// edges. `first` and `texels`: its texels in `node_edges`.
-vec3 gather_edges(vec3 p, uint first, uint texels) {
+// Product of the elements' part of the operator at a node whose change of velocity is p: the sum over its row of
+// K_ij (p_j - p). `first` and `count` are the row's first texel and number of blocks.
+vec3 gather_row(vec3 p, uint first, uint count) {
     vec3 sum = vec3(0.0);
-    for (uint k = first; k < first + texels; k++) {
-        uvec4 two = fetch(node_edges, k);
-        sum += edge_force(two.y, fetch(change, two.x).xyz - p) + edge_force(two.w, fetch(change, two.z).xyz - p);
+    for (uint k = 0; k < count; k++) {
+        vec4 column = fetch(stiffness_blocks, row_texel(first, k, 0));
+        vec3 d = fetch(change, uint(column.w)).xyz - p;
+        sum += column.xyz * d.x + fetch(stiffness_blocks, row_texel(first, k, 1)).xyz * d.y
+            + fetch(stiffness_blocks, row_texel(first, k, 2)).xyz * d.z;
     }
     return sum;
 }

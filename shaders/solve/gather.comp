@@ -8,7 +8,8 @@
 #include "shared/rotation.glsl"
 
 // Solve: operator product w = A p at the nodes, for the linear system A x = b with preconditioner M. The kernel sums w
-// from the output of solve/element_product, solve/patch_product and solve/contact_product; computes inner products with
+// from the output of solve/contact_product and the rows of the assembled operator (shared/rows.glsl) or, where the
+// operator is matrix-free, the output of solve/element_product and solve/patch_product; computes inner products with
 // w; and restricts w and the residual r to the modes of each block, P^T w and P^T r. A block is a set of nodes that one
 // workgroup works on; its modes are the basis of the preconditioner's coarse space (shared/coarse_vector.glsl). For
 // nodes attached to a rigid core (rigid body inside a soft one) the core's six rows take the place of modes. D is made
@@ -34,7 +35,7 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // first of the blocks that this ROLE works on
 layout(constant_id = 10) const bool JOINTS = false;
-layout(constant_id = 11) const bool ASSEMBLED = false;      // whether the operator is kept as blocks of edges
+layout(constant_id = 11) const bool ASSEMBLED = false;      // whether the operator is kept as a matrix
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(push_constant) uniform Which { uint set; };      // which of two sets of iterates holds u and r in GATHER_LOOP
@@ -48,7 +49,6 @@ READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(vec4, node_rest);
 READ_ONLY(uvec4, node_elements);
 READ_ONLY(vec4, element_forces);
-READ_ONLY(uvec4, node_edges);
 READ_ONLY(vec4, stiffness_blocks);
 layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
 layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
@@ -82,6 +82,7 @@ const uint SUMS = 7;
 #include "shared/core.glsl"
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
+#include "shared/rows.glsl"
 #include "shared/gather.glsl"
 #include "shared/six.glsl"
 #include "shared/joint.glsl"
@@ -145,7 +146,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
         vec4 rest = fetch(node_rest, i);
         vec3 p = fetch(change, i).xyz;
         vec3 w = (rest.w + params.dt * node_damping(node)) * p;
-        if (ASSEMBLED) w += gather_edges(p, node.y, node.z);
+        if (ASSEMBLED) w += gather_row(p, node.y, node.z);
         else w += gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
         operator_product[i] = vec4(w, 0.0);

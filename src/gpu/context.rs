@@ -294,7 +294,7 @@ impl Context {
     }
 
     /// Workgroup size, in invocations, of kernels whose invocations synchronise at barriers. On a CPU device this size
-    /// is the subgroup size: a workgroup is then one SIMD vector, and barriers cost nothing.
+    /// is the subgroup size: a workgroup is then one SIMD vector, and needs no barriers for sums.
     #[doc(hidden)]
     pub fn reduce_size(&self) -> u32 {
         if self.info.kind == DeviceKind::Cpu { self.subgroup_size.max(1) } else { REDUCE_SIZE }
@@ -302,11 +302,11 @@ impl Context {
 
     /// Whether a workgroup of this size is one subgroup, in which all lanes are in use, and may add over the subgroup.
     pub(super) fn is_one_subgroup(&self, workgroup: u32) -> bool {
-        self.full_subgroups && self.host.is_none() && workgroup == self.subgroup_size
+        self.full_subgroups && workgroup == self.subgroup_size
     }
 
     /// Number of invocations in a subgroup. Use it only to choose between variants of a kernel: no kernel may rely on
-    /// this number.
+    /// this number, but for the sums of shaders/shared/sums.glsl.
     #[doc(hidden)]
     pub fn subgroup_size(&self) -> u32 {
         self.subgroup_size

@@ -48,6 +48,7 @@ pub(super) struct Candidate {
     pub queue_family: u32,
     pub timestamp_bits: u32,
     pub subgroup_size: u32,
+    /// Whether all subgroups of a kernel have `subgroup_size` lanes, if it asks for full ones, and can add over them.
     pub full_subgroups: bool,
     pub int64_atomics: bool,
     pub fragment_stores: bool,
@@ -118,10 +119,14 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     let api = unsafe { instance.get_physical_device_properties(physical) }.api_version;
     let (mut driver, mut ids) =
         (vk::PhysicalDeviceDriverProperties::default(), vk::PhysicalDeviceIDProperties::default());
-    let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+    let (mut subgroup, mut sizes) =
+        (vk::PhysicalDeviceSubgroupProperties::default(), vk::PhysicalDeviceSubgroupSizeControlProperties::default());
     let mut all = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
     if api >= vk::API_VERSION_1_2 {
         all = all.push_next(&mut driver).push_next(&mut ids);
+    }
+    if api >= vk::API_VERSION_1_3 {
+        all = all.push_next(&mut sizes);
     }
     // SAFETY: `physical` belongs to this live instance; only structs that the device's Vulkan version has are chained.
     unsafe { instance.get_physical_device_properties2(physical, &mut all) };
@@ -159,6 +164,7 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
         subgroup_size: subgroup.subgroup_size,
         full_subgroups: features.full_subgroups
+            && sizes.min_subgroup_size == sizes.max_subgroup_size
             && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
             && subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::ARITHMETIC),
         int64_atomics: features.int64_atomics,

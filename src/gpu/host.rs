@@ -120,6 +120,7 @@ impl HostDevice {
         candidate.queue_family = self.queue_family;
         candidate.int64_atomics &= self.int64_atomics;
         candidate.fragment_stores &= self.fragment_stores;
+        candidate.full_subgroups = false;
         candidate.external_memory_fd &= self.external_memory_fd;
         Ok(candidate)
     }

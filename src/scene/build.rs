@@ -71,7 +71,7 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Sets tolerance, greatest number of iterations and preconditioner of the linear solver.
+    /// Sets tolerance, greatest number of iterations, preconditioner and operator of the linear solver.
     pub fn solver(&mut self, solver: Solver) -> Result<&mut Self> {
         solver.check().map_err(|problem| self.wrong("solver", problem))?;
         self.overrule(&["solver.tolerance", "solver.max_iterations"]);

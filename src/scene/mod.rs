@@ -130,7 +130,8 @@ pub struct Solver {
 /// How the elements' part of the linear system's operator is applied to a vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operator {
-    /// Assembled once a solve as a matrix of 3x3 blocks; matrix-free in a scene with F-bar materials.
+    /// Assembled once a solve as a matrix of 3x3 blocks; matrix-free in a scene with F-bar materials, and in one of more
+    /// than 16,777,216 nodes.
     Auto,
     /// Element by element in each iteration, without a matrix.
     MatrixFree,

@@ -101,7 +101,8 @@ impl Model {
 
     /// Divides `nodes`, the free nodes of a body, first by frame and then into parts. The parts are clusters of
     /// neighbouring nodes, about `aggregates` clusters for the whole body, or, if `aggregates` is `None`, runs of nodes
-    /// in the order of the model's arrays.
+    /// in the order of the model's arrays. A part's nodes are sorted by their number of elements, rounded up to fours, so
+    /// that lanes next to each other have about equal work.
     fn parts_of(&self, nodes: Vec<u32>, aggregates: Option<usize>) -> Vec<Vec<u32>> {
         let total = nodes.len().max(1);
         let usual = USUAL_NODES.max(nodes.len().div_ceil(MOST_BLOCKS));

@@ -245,7 +245,9 @@ impl Model {
         }
         model.friction = [scene.contact.friction as f32, scene.contact.friction_speed as f32];
         model.newton = scene.step.newton;
-        model.assembles = scene.solver.operator == Operator::Auto && model.patches.count() == 0;
+        model.assembles = scene.solver.operator == Operator::Auto
+            && model.patches.count() == 0
+            && model.node_rest.len() <= shaders::ROW_NODES as usize;
         model.tool_sphere = scene.tool.as_ref().and_then(|tool| match tool.shape {
             ToolShape::Sphere(radius) => Some(radius),
             _ => None,

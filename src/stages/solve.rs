@@ -157,13 +157,14 @@ enum Operator {
     Assembled(Assembled),
 }
 
-/// The elements' part of the operator as a 3x3 block for each edge (see [`Edges`]), assembled once a solve.
+/// The elements' part of the operator as rows of 3x3 blocks (see [`Edges`]), assembled once a solve.
 struct Assembled {
     stiffness_blocks: Kernel,
     edge_count: u32,
     edges: Buffer,
     edge_elements: Buffer,
-    node_edges: Buffer,
+    /// As on the GPU in `block_nodes`, with the damping that the simulation began with.
+    nodes: Vec<[u32; 4]>,
     block_nodes: Buffer,
     blocks: Buffer,
 }
@@ -178,9 +179,9 @@ impl Assembled {
             edge_count,
             edges: upload_or_nothing(context, "edges", &edges.edges)?,
             edge_elements: upload_or_nothing(context, "edge_elements", &edges.elements)?,
-            node_edges: upload_or_nothing(context, "node_edges", &edges.of_nodes)?,
             block_nodes: upload_or_nothing(context, "block_nodes", &edges.block_nodes)?,
-            blocks: zeros::<[f32; 4]>(context, "stiffness_blocks", 3 * (edges.edges.len() + 1))?,
+            nodes: edges.block_nodes,
+            blocks: upload_or_nothing(context, "stiffness_blocks", &edges.blocks)?,
         })
     }
 }
@@ -368,7 +369,9 @@ impl Solve {
     pub fn refresh(&self, model: &Model) -> Result<()> {
         self.block_nodes.write(&model.blocks.nodes)?;
         if let Some(assembled) = self.assembled() {
-            assembled.block_nodes.write(&Edges::of(model).block_nodes)?;
+            let damped =
+                assembled.nodes.iter().zip(&model.blocks.nodes).map(|(row, node)| [row[0], row[1], row[2], node[3]]);
+            assembled.block_nodes.write(&damped.collect::<Vec<_>>())?;
         }
         self.coarse_inverse.write(&model.coarse.inverse)?;
         self.coarse_scales.write(&model.coarse.scales)

@@ -41,7 +41,8 @@ const MOST_SUBMITS: u32 = 64;
 pub struct Recordings {
     /// Everything before the solver's loop.
     pub begin: Recording,
-    /// The element forces and the solver's set-up once more, for a repeated solve after contacts were released.
+    /// The solver's set-up once more, for a repeated solve after contacts were released; before it the element forces, if
+    /// products with the operator have overwritten them.
     pub resolve: Recording,
     /// The element forces and the solver's set-up for a further Newton iteration, or for the check after the last: for
     /// its first solve, and for a repeated solve after contacts were released. `None` where a step has only one Newton
@@ -108,10 +109,8 @@ fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
 fn resolve(stages: &Stages, blank: Blank) -> Result<Recording> {
     let Stages { common, elastic, solve, .. } = stages;
     let mut part = blank()?;
-    // Products without an assembled operator overwrite the elements' forces, as later Newton iterations do.
-    if solve.overwrites_forces() || elastic.repeats() {
+    if solve.overwrites_forces() {
         elastic.record(&mut part, common);
-        solve.record_operator(&mut part, elastic);
     }
     solve.record_start(&mut part, common, elastic);
     part.finish()

@@ -19,7 +19,7 @@ use crate::prepare::bodies::Bodies;
 use crate::prepare::{Body, Cache};
 use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
-use crate::scene::{self, Key, Scene};
+use crate::scene::{self, Key, Operator, Scene};
 use crate::stages::model::Model;
 use crate::stages::query_as_one;
 use crate::step::tool::Tool;
@@ -33,9 +33,11 @@ const LITTLE_WORK: usize = 17_000;
 /// Number of tetrahedra into which each cell of a layer is cut, where the scene gives the layer as a box of cuboid
 /// cells.
 const KUHN_TETRAHEDRA: u64 = 6;
-/// Size of a tetrahedron's forces on its four nodes, bytes; the forces of all tetrahedra form the largest array that
-/// layers need.
-const FORCE_BYTES: u64 = 64;
+/// Size of the operator's 3x3 blocks for each tetrahedron of such a layer, bytes: 48 for each of the two blocks of each of
+/// the seven edges of a cell. They form the largest array that layers need.
+const BLOCKS_BYTES: u64 = 112;
+/// Size of a tetrahedron's gradients, bytes, which form the largest array where the operator is matrix-free.
+const GRADIENTS_BYTES: u64 = 80;
 
 /// The parts of a simulation that are made before a GPU is opened.
 struct Prepared {
@@ -98,14 +100,18 @@ impl Simulation {
             _ => 0,
         };
         let tetrahedra = scene.bodies.iter().map(count).fold(0, u64::saturating_add);
-        let (needed, (most, _)) = (tetrahedra.saturating_mul(FORCE_BYTES), context.array_limits());
+        let (what, bytes) = match scene.solver.operator {
+            Operator::Auto => ("assembled operator", BLOCKS_BYTES),
+            Operator::MatrixFree => ("gradients", GRADIENTS_BYTES),
+        };
+        let (needed, (most, _)) = (tetrahedra.saturating_mul(bytes), context.array_limits());
         if needed <= most {
             return Ok(());
         }
         let device = context.device_name();
         Err(Error::Memory(format!(
-            "the forces of the {tetrahedra} tetrahedra in layers given as boxes need {needed} bytes, but a storage \
-             buffer of {device} holds at most {most} bytes"
+            "{what} of the {tetrahedra} tetrahedra in layers given as boxes: {needed} bytes are needed, but a storage \
+             buffer of {device} holds at most {most} bytes; use fewer cells, or solver.operator = \"matrix-free\""
         )))
     }
 }

@@ -88,6 +88,35 @@ fn free_fall_of_a_bound_human_agrees_with_the_oracle() {
     }
 }
 
+/// Greatest allowed difference of displacements after 70 steps between the two ways to apply the operator, relative to
+/// the largest displacement. The solvers stop at a relative residual of 1e-6.
+const OPERATORS: f64 = 1.0e-4;
+
+#[test]
+fn a_block_that_lands_and_rebounds_moves_alike_with_both_operators() {
+    // The contacts of the corner that lands push and, on the rebound, pull: they are released, and the step is solved
+    // again.
+    let moved = ["auto", "matrix-free"].map(|operator| {
+        let text = format!(
+            "[solver]\ntolerance = 1e-6\noperator = \"{operator}\"\n[contact]\nfriction = 0.3\n\
+             [[body]]\nname = \"block\"\nhulls = 1\nposition = [0.0, 0.002, 0.0]\nvelocity = [0.2, -0.5, 0.0]\n\
+             layer = {{ box = [[0.0, 0.0, 0.0], [0.06, 0.06, 0.06]], cells = [5, 5, 5] }}\n\
+             material = {{ young = 2e4, poisson = 0.4, density = 1000.0 }}\n\
+             [[body]]\nname = \"floor\"\nplane = [0.1, 1.0, 0.0, 0.0]\n"
+        );
+        let mut simulation = open(&scene(&text), None);
+        let rows = run(&mut simulation, 70);
+        let contacts: Vec<_> = rows.iter().map(|row| row.contacts.unwrap_or_default()).collect();
+        println!("{operator}: contacts in each step {contacts:?}");
+        assert!(rows.iter().all(|row| row.flags.0 == 0), "{operator}: a step has flags");
+        assert!(contacts.iter().any(|n| *n > 10) && contacts[69] == 0, "{operator}: no rebound: {contacts:?}");
+        simulation.nodes(0).unwrap().unwrap().0
+    });
+    let error = relative_error(&moved[0], &moved[1]);
+    println!("difference of displacements: {error:.2e}");
+    assert!(error < OPERATORS, "the two operators lead to displacements that differ by {error:e}");
+}
+
 /// Greatest allowed number of bytes on the GPU per tetrahedron, in all arrays together, for a scene without contact; some
 /// 120 of them are the assembled operator and the lists of edges.
 const BYTES: f64 = 560.0;

@@ -235,7 +235,7 @@ fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
 
 #[test]
 fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
-    // The kernels solve/element_product, solve/gather and solve/conclude run on random vectors in place of a solution,
+    // The kernels solve/stiffness_blocks, solve/gather and solve/conclude run on random vectors in place of a solution,
     // and are compared with the oracle's b - A x.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();

@@ -5,6 +5,8 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+use palpate::internal::shaders;
+
 use super::passes::{Change, Passes};
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, context, expect_close};
@@ -144,9 +146,15 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     passes.system.gradients[0][3] = 2.0;
     passes.system.gradients[1][3] = 3.0;
     passes.apply(Change::Preconditioned);
-    let block = passes.edges.edges.iter().position(|edge| edge[2..] == [1, 2]).unwrap();
-    let columns = [[0.0, 2.0 - 4.0, 0.0, 0.0], [3.0, 0.0, 0.0, 0.0], [0.0, 0.0, -8.0, 0.0]];
-    assert_eq!(passes.stiffness_blocks[3 * block..3 * block + 3], columns);
+    // The block lies in the row of node 1, and its transpose in that of node 2; the first column names the other node.
+    let block = |i: u32, j: f32| -> [[f32; 4]; 3] {
+        let [_, first, count, _] = passes.edges.block_nodes.iter().find(|node| node[0] == i).unwrap();
+        let at = |k: u32, c: u32| passes.edges.blocks[(first + (3 * k + c) * shaders::ROW_SLICE) as usize];
+        let k = (0..*count).find(|k| at(*k, 0)[3] == j).unwrap();
+        [0, 1, 2].map(|c| at(k, c))
+    };
+    assert_eq!(block(1, 2.0), [[0.0, 2.0 - 4.0, 0.0, 2.0], [3.0, 0.0, 0.0, 0.0], [0.0, 0.0, -8.0, 0.0]]);
+    assert_eq!(block(2, 1.0), [[0.0, 3.0, 0.0, 1.0], [2.0 - 4.0, 0.0, 0.0, 0.0], [0.0, 0.0, -8.0, 0.0]]);
 }
 
 #[test]
@@ -228,11 +236,11 @@ fn products_agree_with_the_assembled_matrix_for_inverted_tetrahedra() {
 fn the_operator_is_symmetric_and_positive() {
     // Checks x . A y = y . A x and x . A x > 0 for nodes and tool together, with inverted tetrahedra among them.
     let bodies = two_layers();
-    for seed in 0..4 {
+    for (seed, assembled) in (0..4).flat_map(|seed| [(seed, false), (seed, true)]) {
         let system = System::new(&bodies, AMPLITUDE, seed).with_tool();
         let system = if seed % 2 == 0 { system } else { system.with_friction() };
         let mut passes = Passes::new(system.with_contacts(CONTACTS, seed + 30));
-        passes.assembled = seed > 1;
+        passes.assembled = assembled;
         let mut random = Random(seed + 40);
         let mut product_of = |passes: &mut Passes| {
             let (x, tool) = (passes.system.random_field(&mut random), tool_vector(&mut random));
@@ -298,6 +306,14 @@ fn rigid_motions_meet_no_elastic_force() {
         "largest element force {:e} for a twist, {usual:e} for another motion",
         largest(&passes)
     );
+    passes.gather(1);
+    let of_masses = triples(&passes.operator_product);
+    passes.assembled = true;
+    passes.apply(Change::Preconditioned);
+    passes.gather(1);
+    let assembled = triples(&passes.operator_product);
+    let largest = of_masses.iter().zip(&assembled).fold(0.0f32, |m, (a, b)| m.max((a - b).abs()));
+    assert!(largest < 1e-5 * usual, "assembled, a twist causes forces of {largest:e}, another motion {usual:e}");
 }
 
 #[test]

@@ -144,7 +144,7 @@ fn preconditioned(passes: &Passes, inverse: &[Vec<f64>; 6], r: &[f64]) -> Vec<f6
 
 #[test]
 fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
-    // solve/first_residual after solve/assemble, solve/element_product and solve/gather on a random vector in place of
+    // solve/first_residual after solve/assemble, solve/stiffness_blocks and solve/gather on a random vector in place of
     // the last solution.
     for (seed, contacts) in [(0, 100), (1, 100), (2, 3), (3, 0), (4, 100), (5, 9)] {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();

@@ -145,7 +145,11 @@ fn wrong_use_is_told_and_harms_nothing() {
         let large = scene("[400, 300, 100]");
         let mut none = null_mut();
         let status = palpate_simulation_create(context, large, &mut none);
-        refused(status, palpate_status::Memory, "72000000 tetrahedra in layers given as boxes need 4608000000 bytes");
+        refused(
+            status,
+            palpate_status::Memory,
+            "72000000 tetrahedra in layers given as boxes: 8064000000 bytes are needed",
+        );
         assert!(none.is_null());
         ok(palpate_scene_destroy(large));
         let mut none = null_mut();

@@ -145,7 +145,7 @@ impl Solve {
         );
     }
 
-    /// Records `iterations` solver iterations, rounded up to an even number, each of three passes that depend on one
+    /// Records `iterations` solver iterations, rounded up to an even number, each of two or three passes that depend on one
     /// another. Once the solver has converged, the indirect arguments are zero, and the workgroups that are dispatched
     /// directly return at once, so the passes cost next to nothing.
     pub fn record_iterations(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, iterations: u32) {
@@ -306,8 +306,8 @@ impl Solve {
         recorder.dispatch_groups(kernel, &arguments, self.core_count as u32);
     }
 
-    /// Records the operator's product with a vector, element by element: tetrahedra, F-bar patches (groups of
-    /// tetrahedra that share one volumetric strain) and contacts.
+    /// Records what precedes [`Solve::record_gather`] in a product of the operator with a vector: contacts and, where the
+    /// operator is matrix-free, tetrahedra and F-bar patches (groups of tetrahedra that share one volumetric strain).
     fn record_product(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
         let (of_solution, set, vector, iterates) = match change {
             Change::Solution => (1, 0, &self.solution, &self.iterates),
@@ -397,7 +397,6 @@ impl Solve {
             node_rest: Some(&elastic.node_rest),
             node_elements: Some(&elastic.node_elements),
             element_forces: Some(&elastic.element_forces),
-            node_edges: assembled.map(|assembled| &assembled.node_edges),
             stiffness_blocks: assembled.map(|assembled| &assembled.blocks),
             node_entries: touch.map(|touch| &touch.node_entries),
             sorted: touch.map(|touch| &touch.sorted),

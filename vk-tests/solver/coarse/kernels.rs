@@ -8,6 +8,7 @@
 
 use faer::Mat;
 use glam::{DMat3, DVec3};
+use palpate::internal::gpu::Size;
 use palpate::internal::prepare::Body;
 use palpate::scene::Preconditioner;
 use palpate_oracle::coarse::BLOCK_UNKNOWNS;
@@ -177,7 +178,12 @@ pub fn only_free(passes: &Passes, mut nodes: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
 /// Runs the passes of a solve with a random earlier solution: the start, three iterations and the end. Compares each
 /// pass with the oracle's result from the same inputs. Returns the largest error relative to the size of a value.
 fn follow(what: &str, system: System) -> f64 {
-    let mut passes = Passes::new(system);
+    follow_at(what, system, Size::Reduce)
+}
+
+/// As [`follow`], with workgroups of this size.
+fn follow_at(what: &str, system: System, size: Size) -> f64 {
+    let mut passes = Passes { size, ..Passes::new(system) };
     assert!(passes.coarse, "{what}: no coarse space");
     let mut random = Random(7);
     let left = random_unknowns(&passes.system, &mut random, 1.0)
@@ -435,6 +441,8 @@ fn passes_follow_the_oracle_at_every_size() {
         println!("{nodes} nodes, {free} of them free: {} blocks", system.model.blocks.free);
         if free > 0 {
             follow(&format!("{nodes} nodes"), system);
+            // Workgroups of more lanes than a subgroup has sum through shared memory.
+            follow_at(&format!("{nodes} nodes, large workgroups"), coarse(&bodies, 6), Size::Group);
         }
     }
 }

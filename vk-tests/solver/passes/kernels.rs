@@ -17,7 +17,7 @@ pub const SKIN_PARTS: u32 = 5;
 
 impl Passes {
     fn reduce(&self, name: &str) -> Case {
-        case(name).size(Size::Reduce).constant("COARSE", self.coarse)
+        case(name).size(self.size).constant("COARSE", self.coarse)
     }
 
     fn rigid_count(&self) -> u32 {
@@ -113,11 +113,10 @@ impl Passes {
             .input("edges", &edges.edges)
             .input("edge_elements", &edges.elements)
             .input("gradients", gradients)
-            .output::<[f32; 4]>("stiffness_blocks", 3 * count)
+            .partial("stiffness_blocks", &self.edges.blocks)
             .elements(count)
             .run();
-        self.stiffness_blocks = outcome.get("stiffness_blocks");
-        self.stiffness_blocks.extend([[0.0; 4]; 3]);
+        self.edges.blocks = outcome.get("stiffness_blocks");
     }
 
     /// Runs solve/stiffness_blocks or solve/element_product and, with contacts, solve/contact_product.
@@ -231,8 +230,7 @@ impl Passes {
             .input("node_rest", &s.model.node_rest)
             .input("node_elements", &s.node_elements)
             .input("element_forces", &self.element_forces)
-            .input("node_edges", &self.edges.of_nodes)
-            .input("stiffness_blocks", &self.stiffness_blocks)
+            .input("stiffness_blocks", &self.edges.blocks)
             .input("node_entries", &s.node_entries)
             .input("sorted", &s.sorted)
             .input("counts", &[s.counts])
@@ -265,7 +263,7 @@ impl Passes {
     pub fn coarse(&mut self, warm_start: bool) {
         let (coarse, blocks) = (&self.system.model.coarse, self.blocks());
         let outcome = case("solve/coarse")
-            .size(Size::Reduce)
+            .size(self.size)
             .constant("WARM_START", warm_start)
             .input("coarse_blocks", &coarse.blocks)
             .input("coarse_inverse", &coarse.inverse)

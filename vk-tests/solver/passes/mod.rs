@@ -36,12 +36,13 @@ pub struct Passes {
     pub tool: bool,
     pub friction: bool,
     pub coarse: bool,
-    /// Whether the operator is assembled as blocks of the edges, as a step does it, or applied tetrahedron by
+    /// Workgroup size of the kernels whose lanes make sums together.
+    pub size: Size,
+    /// Whether the operator is assembled as a matrix, as a step does it, or applied tetrahedron by
     /// tetrahedron (matrix-free).
     pub assembled: bool,
-    /// The edges of the tetrahedra, and a block of the operator for each edge.
+    /// The edges of the tetrahedra, and the operator's rows.
     pub edges: Edges,
-    pub stiffness_blocks: Vec<[f32; 4]>,
     /// Number of blocks that solve/first_residual and solve/conclude sum over: the model's number, unless a test makes
     /// up the inner products of its own blocks.
     pub block_count: usize,
@@ -116,9 +117,9 @@ impl Passes {
             tool,
             friction: system.twin.friction.is_some(),
             coarse: !model.coarse.bodies.is_empty(),
+            size: Size::Reduce,
             assembled: true,
             edges: Edges::of(model),
-            stiffness_blocks: vec![],
             block_count: blocks,
             element_forces: system.element_forces.clone(),
             contact_forces: vec![],
