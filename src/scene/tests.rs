@@ -20,7 +20,6 @@ newton = 1
 tolerance = 1e-5                # relative residual
 max_iterations = 200
 preconditioner = "auto"         # "jacobi", "coarse"
-operator = "auto"               # "matrix-free"
 
 [contact]
 stiffness = "auto"              # or N/m^3
