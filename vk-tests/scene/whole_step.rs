@@ -90,7 +90,7 @@ fn free_fall_of_a_bound_human_agrees_with_the_oracle() {
 
 /// Greatest allowed difference of displacements after 70 steps between the two ways to apply the operator, relative to
 /// the largest displacement. The solvers stop at a relative residual of 1e-6.
-const OPERATORS: f64 = 1.0e-4;
+const OPERATORS: f64 = 1.0e-5;
 
 #[test]
 fn a_block_that_lands_and_rebounds_moves_alike_with_both_operators() {
