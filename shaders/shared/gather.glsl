@@ -1,7 +1,8 @@
 // Sums of forces at a node: of the forces of its elements, or the product with its row of the assembled operator
-// (shared/rows.glsl), and of the forces of its contacts. An including shader declares `node_elements` (texels of four indices into `element_forces`, padded with the index of a zero force),
-// `element_forces`, `sorted` (contact and weight of each entry), `node_entries` (first entry of a node in `sorted`, and
-// number of its entries), `contact_forces`, `stiffness_blocks` and `change` (the vector p that is multiplied).
+// (shared/rows.glsl), and of the forces of its contacts. An including shader declares `node_elements` (texels of four
+// indices into `element_forces`, padded with the index of a zero force), `element_forces`, `sorted` (contact and
+// weight of each entry), `node_entries` (first entry of a node in `sorted`, and number of its entries),
+// `contact_forces`, `stiffness_blocks` and `change` (the vector p that is multiplied).
 
 vec3 gather_elements(uint first, uint quads) {
     vec3 sum = vec3(0.0);

@@ -1,9 +1,9 @@
-// Sums of several vectors over a workgroup at once, in an order that is the same each time; every lane gets the totals.
-// Where the workgroup is one subgroup, as on a CPU, the subgroup adds them, without shared memory and barriers, in the
-// driver's order. Elsewhere the vectors'
-// components are shared out to the lanes: a lane sums a component over all lanes, or, in a workgroup of more than 32
-// lanes, over one of several parts of the lanes. An including shader declares SIZE, the workgroup's size, and SUMS, the
-// greatest number of vectors, and enables GL_KHR_shader_subgroup_arithmetic.
+// Sums of several vectors over a workgroup at once, in an order that is the same each time; every lane gets the
+// totals. Where the workgroup is one subgroup, as on a CPU, the subgroup adds them, without shared memory and
+// barriers, in the driver's order. Elsewhere the vectors' components are shared out to the lanes: a lane sums a
+// component over all lanes, or, in a workgroup of more than 32 lanes, over one of several parts of the lanes. An
+// including shader declares SIZE, the workgroup's size, and SUMS, the greatest number of vectors, and enables
+// GL_KHR_shader_subgroup_arithmetic.
 
 layout(constant_id = 30) const bool ONE_SUBGROUP = false;     // set by src/gpu/kernel.rs: the workgroup is one subgroup
 

@@ -8,12 +8,12 @@
 #include "shared/rows.glsl"
 
 // Solve: assembles the elements' part of the operator. An edge is a pair of nodes i < j that share a tetrahedron. The
-// kernel writes the 3x3 blocks K_ij and K_ji of each edge: K_ij is the sum over its tetrahedra of mu ((g_i . g_j) I + g_j g_i^T) +
-// lambda g_i g_j^T + [g_i]^T Z [g_j], with the gradients g' of the solver's operator and the moduli mu and lambda that
-// elastic/element_forces computes, the matrix Z of the geometric stiffness (shared/geometric.glsl), and the cross
-// product matrix [g] of g. K_ji is its transpose. Since a translation causes no force, the blocks of a row sum
-// to zero, and the product with a change of velocity p is sum K_ij (p_j - p_i), for which solve/gather needs no K_ii. One
-// invocation runs for each edge. The f64 reference is oracle::elastic::Elements::apply_stiffness.
+// kernel writes the 3x3 blocks K_ij and K_ji of each edge: K_ij is the sum over its tetrahedra of mu ((g_i . g_j) I +
+// g_j g_i^T) + lambda g_i g_j^T + [g_i]^T Z [g_j], with the gradients g' of the solver's operator and the moduli mu
+// and lambda that elastic/element_forces computes, the matrix Z of the geometric stiffness (shared/geometric.glsl),
+// and the cross product matrix [g] of g. K_ji is its transpose. Since a translation causes no force, the blocks of a
+// row sum to zero, and the product with a change of velocity p is sum K_ij (p_j - p_i), for which solve/gather needs
+// no K_ii. One invocation runs for each edge. The f64 reference is oracle::elastic::Elements::apply_stiffness.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint EDGES = 0;

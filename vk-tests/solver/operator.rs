@@ -140,8 +140,9 @@ fn a_unit_tetrahedron_and_one_contact_by_hand() {
     let sum: Vec<f64> = (0..3).map(|axis| -(want[3 + axis] + want[6 + axis] + want[9 + axis])).collect();
     assert_eq!(triples(&passes.element_forces[..4])[3..], want[3..].iter().map(|x| *x as f32).collect::<Vec<_>>()[..]);
     assert_eq!(triples(&passes.element_forces[..1]), sum.iter().map(|x| *x as f32).collect::<Vec<_>>());
-    // The same assembled: the block of nodes 1 and 2, with g_1 = e_x and g_2 = e_y, is mu g_2 g_1^T + lambda g_1 g_2^T +
-    // [g_1]^T Z [g_2], where Z [g_2] has the columns -Z e_z, 0, Z e_x, and the transpose of [g_1] takes v to v x e_x.
+    // The assembled operator of the same tetrahedron has for nodes 1 and 2, with g_1 = e_x and g_2 = e_y, the block mu
+    // g_2 g_1^T + lambda g_1 g_2^T + [g_1]^T Z [g_2], where Z [g_2] has the columns -Z e_z, 0, Z e_x, and the
+    // transpose of [g_1] takes v to v x e_x.
     passes.assembled = true;
     passes.system.gradients[0][3] = 2.0;
     passes.system.gradients[1][3] = 3.0;
@@ -262,8 +263,8 @@ fn the_operator_is_symmetric_and_positive() {
 
 #[test]
 fn rigid_motions_meet_no_elastic_force() {
-    // The elements must give no force for translations at any deformation, nor for twists of a body that is turned but not
-    // deformed.
+    // The elements must give no force for translations at any deformation, nor for twists of a body that is turned but
+    // not deformed.
     let bodies = two_layers();
     let mut passes = Passes::new(System::new(&bodies, AMPLITUDE, 5));
     passes.preconditioned = vec![[0.3, -0.7, 0.4, 0.0]; passes.nodes()];

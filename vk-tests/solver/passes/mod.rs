@@ -18,7 +18,7 @@ pub use kernels::SKIN_PARTS;
 use crate::harness::case;
 use crate::solver::system::System;
 
-/// The change of velocity that solve/element_product multiplies by the operator A: the solution, the trend (difference of
+/// The change of velocity that is multiplied by the operator A: the solution, the trend (difference of
 /// the last two solutions), or the preconditioned residual.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Change {
@@ -38,8 +38,8 @@ pub struct Passes {
     pub coarse: bool,
     /// Workgroup size of the kernels whose lanes make sums together.
     pub size: Size,
-    /// Whether the operator is assembled as a matrix, as a step does it, or applied tetrahedron by
-    /// tetrahedron (matrix-free).
+    /// Whether the operator is assembled as a matrix, as a step does it, or applied tetrahedron by tetrahedron
+    /// (matrix-free).
     pub assembled: bool,
     /// The edges of the tetrahedra, and the operator's rows.
     pub edges: Edges,
