@@ -100,9 +100,9 @@ impl Simulation {
             _ => 0,
         };
         let tetrahedra = scene.bodies.iter().map(count).fold(0, u64::saturating_add);
-        let (what, bytes) = match scene.solver.operator {
-            Operator::Auto => ("assembled operator", BLOCKS_BYTES),
-            Operator::MatrixFree => ("gradients", GRADIENTS_BYTES),
+        let (what, bytes, remedy) = match scene.solver.operator {
+            Operator::Auto => ("operator", BLOCKS_BYTES, ", or solver.operator = \"matrix-free\""),
+            Operator::MatrixFree => ("gradients", GRADIENTS_BYTES, ""),
         };
         let (needed, (most, _)) = (tetrahedra.saturating_mul(bytes), context.array_limits());
         if needed <= most {
@@ -111,7 +111,7 @@ impl Simulation {
         let device = context.device_name();
         Err(Error::Memory(format!(
             "{what} of the {tetrahedra} tetrahedra in layers given as boxes: {needed} bytes are needed, but a storage \
-             buffer of {device} holds at most {most} bytes; use fewer cells, or solver.operator = \"matrix-free\""
+             buffer of {device} holds at most {most} bytes; use fewer cells{remedy}"
         )))
     }
 }
