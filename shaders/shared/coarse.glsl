@@ -1,8 +1,8 @@
 // Coarse space of the two-level additive Schwarz preconditioner. A body's nodes are divided into blocks (aggregates);
 // each block has twelve modes, motions that are the basis of the coarse space (shared/coarse_vector.glsl). Over the
-// modes of all blocks of a body, the Galerkin matrix is A_c = P^T A P, with the operator A of the body at rest and the
-// prolongation P from modes to nodes. Its inverse A_c^-1 has twelve rows for each block; it is scaled to a unit
-// diagonal and kept in half precision, eight numbers in a texel.
+// modes of all blocks of a body, the Galerkin matrix is A_c = P^T A P, with the operator A of the body at rest,
+// without contacts, and the prolongation P from modes to nodes. Its inverse A_c^-1 has twelve rows for each block; it
+// is scaled to a unit diagonal and kept in half precision, eight numbers in a texel.
 //
 // An including shader declares three arrays: `coarse_inverse` holds the rows of A_c^-1. `coarse_scales` holds the
 // square roots of the diagonal of A_c^-1, three texels for each block. `coarse_blocks` holds for each block: first

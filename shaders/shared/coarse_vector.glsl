@@ -11,7 +11,7 @@ struct CoarseVector {
 
 CoarseVector coarse_zero() { return CoarseVector(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0)); }
 
-// Restriction P^T: adds the force v on a node at (x, y, z) = `at` to the twelve sums of the node's block.
+// Restriction P_0^T: adds the force v on a node at (x, y, z) = `at` to the twelve sums of the node's block.
 void add_restriction(inout CoarseVector coarse_vector, vec3 v, vec3 at) {
     coarse_vector.c0 += v;
     coarse_vector.c1 += v * at.x;
@@ -19,7 +19,7 @@ void add_restriction(inout CoarseVector coarse_vector, vec3 v, vec3 at) {
     coarse_vector.c3 += v * at.z;
 }
 
-// Prolongation P: velocity of a node at (x, y, z) = `at` for the coefficients c0 to c3, in the block's axes.
+// Prolongation P_0: velocity of a node at (x, y, z) = `at` for the coefficients c0 to c3, in the block's axes.
 vec3 prolongation(CoarseVector m, vec3 at) { return m.c0 + m.c1 * at.x + m.c2 * at.y + m.c3 * at.z; }
 
 vec4[3] packed(CoarseVector m) { return vec4[3](vec4(m.c0, m.c1.x), vec4(m.c1.yz, m.c2.xy), vec4(m.c2.z, m.c3)); }

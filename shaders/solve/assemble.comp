@@ -21,8 +21,9 @@
 //   elastic/element_forces and elastic/mean_dilatation write, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
 //   residual b - A x of the last solve. Were this residual not carried over, its impulse would be lost in every step,
 //   always in the same smooth motions: iterations after a warm start reduce the residual of smooth motions last.
-// - for each free node, the inverse of its 3x3 diagonal block of A; for each attached node, its diagonal block itself,
-//   from which solve/cores computes the diagonal block of the core.
+// - for each free node, the inverse of its 3x3 diagonal block D of A, and, where there are a coarse space and contacts,
+//   the block E, which is D without the contacts' part; for each attached node, its diagonal block itself, from which
+//   solve/cores computes the diagonal block of the core.
 // - for each block of nodes, b . D^-1 b, with D the nodes' diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
 //   magnitudes of the terms of b, and eps is ROUNDING: an estimate of b . D^-1 b for a body at rest, whose b is
 //   nothing but rounding error. A body with a coarse space adds that space's part (shared/share.glsl).
@@ -60,6 +61,7 @@ READ_ONLY(vec4, carried_residual);        // carried residual b - A x of the las
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
 layout(scalar) writeonly buffer Inverse { vec4 inverse[]; };      // D^-1; attached nodes: D; xx yy zz, xy xz yz
+layout(scalar) writeonly buffer BlocksWithoutContacts { vec4 blocks_without_contacts[]; };     // E; xx yy zz, xy xz yz
 layout(scalar) writeonly buffer Partials { vec2 partials[]; };    // b . D^-1 b and (e . D^-1 e) eps^2 of each block
 layout(scalar) writeonly buffer RestrictedRhs { vec4 restricted_rhs[]; };      // P^T b, three texels per block
 layout(scalar) buffer BlockRotations { vec4 block_rotations[]; };  // rotation of each block in its frame
@@ -161,6 +163,7 @@ void main() {
                 add_geometric_block(g, fetch(gradients, first + 3).xyz, fetch(gradients, first + 4).xyz, a, c);
             }
         }
+        vec3 without_contacts = a, without_contacts_off = c;
         if (CONTACT) add_contacts(node.x, b, e, a, c);
         rhs[i] = vec4(b, 0.0);
         if (block.rigid != NONE) {
@@ -176,9 +179,16 @@ void main() {
         vec3 z = symmetric_times(diagonal, off, b);
         sums.xy += vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
         if (COARSE) {
-            sums.z += ROUNDING * dot(e, ROUNDING * e);
             vec3 where = (rest.xyz - place.xyz) * place.w;
-            add_restriction(coarse_vector, b, where);
+            vec3 on_modes = b, lost = e;
+            if (CONTACT) {
+                blocks_without_contacts[2 * i] = vec4(without_contacts, 0.0);
+                blocks_without_contacts[2 * i + 1] = vec4(without_contacts_off, 0.0);
+                on_modes = symmetric_times(without_contacts, without_contacts_off, z);
+                lost = symmetric_times(without_contacts, without_contacts_off, symmetric_times(diagonal, off, e));
+            }
+            sums.z += ROUNDING * dot(lost, ROUNDING * lost);
+            add_restriction(coarse_vector, on_modes, where);
             add_restriction(moved, fetch(displacement, i).xyz, where);
         }
         inverse[2 * i] = vec4(diagonal, 0.0);

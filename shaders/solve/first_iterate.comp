@@ -16,6 +16,7 @@
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
+layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
 
 layout(scalar) readonly buffer SolveIn { Solve solve; };
@@ -29,6 +30,7 @@ READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, operator_product);            // A x'
 READ_ONLY(vec4, trend_product);               // A d
 READ_ONLY(vec4, inverse);
+READ_ONLY(vec4, blocks_without_contacts);     // E of shared/preconditioner.glsl, two texels per node
 READ_ONLY(vec4, coarse_rhs);       // A_c^-1 P^T b, three texels per block
 READ_ONLY(vec4, coarse_product);     // A_c^-1 P^T A x'
 READ_ONLY(vec4, coarse_trend);       // A_c^-1 P^T A d

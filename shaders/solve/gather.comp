@@ -60,6 +60,7 @@ READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, trend);
 READ_ONLY(vec4, residual_or_rhs);
 READ_ONLY(vec4, inverse);         // D^-1, two texels per node
+READ_ONLY(vec4, blocks_without_contacts);     // E of shared/preconditioner.glsl, two texels per node
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) writeonly buffer OperatorProduct { vec4 operator_product[]; };      // w
@@ -167,12 +168,13 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
             r = fetch(residual_or_rhs, i).xyz - w;
             vec3 lost = HALF_ULP * p, e = lost / fetch(inverse, 2 * i).xyz;
             sums.xy += vec2(dot(r, precondition_node(i, r)), dot(lost, e));
-            if (COARSE) sums.z += dot(e, e);
+            vec3 on_modes = CONTACT && COARSE ? product_without_contacts(i, lost) : e;
+            if (COARSE) sums.z += dot(on_modes, on_modes);
         }
         if (COARSE) {
             vec3 where = (rest.xyz - place.xyz) * place.w;
-            if (MODE != GATHER_END) add_restriction(of_product, w, where);
-            if (MODE != GATHER_WARM_START) add_restriction(of_residual, r, where);
+            if (MODE != GATHER_END) add_restriction(of_product, force_on_modes(i, w), where);
+            if (MODE != GATHER_WARM_START) add_restriction(of_residual, force_on_modes(i, r), where);
         }
     }
     if (ROLE != ATTACHED_NODES) return;

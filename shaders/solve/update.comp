@@ -51,6 +51,7 @@ READ_ONLY(vec4, restricted_product);         // P^T w, three texels per block
 READ_ONLY(vec4, restricted_residual);     // P^T r
 READ_ONLY(vec4, operator_product);                   // w
 READ_ONLY(vec4, inverse);                 // inverse of each node's 3x3 diagonal block of A, two texels
+READ_ONLY(vec4, blocks_without_contacts);     // E of shared/preconditioner.glsl, two texels per node
 READ_ONLY(vec4, residual);
 READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, direction);

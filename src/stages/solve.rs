@@ -84,6 +84,8 @@ pub struct Solve {
     pub(super) rhs: Buffer,
     carried_residual: Buffer,
     inverse: Buffer,
+    /// Per node two vec4: its diagonal block of A without the contacts' part; empty without a coarse space or contacts.
+    blocks_without_contacts: Buffer,
     /// Change of velocity of the nodes; the next step's iterations start from it and from the trend.
     pub solution: Buffer,
     residual: Both,
@@ -284,7 +286,7 @@ impl Solve {
                     patches_c,
                 ],
             )?,
-            first_iterate: reduce("solve/first_iterate", &[coarse])?,
+            first_iterate: reduce("solve/first_iterate", &[contact, coarse])?,
             update: variants("solve/update", &[contact, blocks, coarse, partials, rigids, ("WIDEST", count(widest))])?,
             conclude: reduce(
                 "solve/conclude",
@@ -328,6 +330,11 @@ impl Solve {
             rhs: vector("rhs")?.known_as(&["rhs", "residual_or_rhs"]),
             carried_residual: vector("carried_residual")?,
             inverse: zeros::<[f32; 4]>(context, "inverse", 2 * nodes)?,
+            blocks_without_contacts: array::<[f32; 4]>(
+                context,
+                "blocks_without_contacts",
+                if is_coarse && touch.is_some() { 2 * nodes } else { 0 },
+            )?,
             solution: vector("solution")?.known_as(&["solution", "change"]),
             residual: both(&["residual", "residual_or_rhs"], &["next_residual"])?,
             preconditioned: both(&["preconditioned", "change"], &["next_preconditioned"])?,

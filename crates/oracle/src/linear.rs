@@ -1,6 +1,8 @@
 //! The assembled symmetric positive definite linear system A x = b of a step, factorised by faer's sparse Cholesky
 //! decomposition.
 
+use std::collections::BTreeMap;
+
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
@@ -43,6 +45,23 @@ impl Entries {
     /// Row, column and value of the entries, as they were added; lower triangle only, with repetitions.
     pub fn lower(&self) -> impl Iterator<Item = (usize, usize, f64)> {
         self.places.iter().zip(&self.values).map(|(&(row, column), &value)| (row, column, value))
+    }
+
+    /// The 3x3 blocks on the diagonal whose first rows are `firsts`.
+    pub fn diagonal_blocks(&self, firsts: &[usize]) -> Vec<DMat3> {
+        let place: BTreeMap<usize, usize> = firsts.iter().enumerate().map(|(k, first)| (*first, k)).collect();
+        let mut blocks = vec![DMat3::ZERO; firsts.len()];
+        for (row, column, value) in self.lower() {
+            let Some((first, k)) = place.range(..=column).next_back() else { continue };
+            if row < first + 3 {
+                let (i, j) = (row - first, column - first);
+                blocks[*k].col_mut(j)[i] += value;
+                if i != j {
+                    blocks[*k].col_mut(i)[j] += value;
+                }
+            }
+        }
+        blocks
     }
 
     /// The product y = A x, for residuals.

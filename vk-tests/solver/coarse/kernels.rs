@@ -1,7 +1,8 @@
 //! Tests of the kernels that apply the coarse space of the preconditioner (solve/coarse, and parts of solve/assemble,
 //! gather, first_residual, first_iterate and update) against f64 sums. The sums use the oracle's prolongation P (the
 //! oracle is the reference implementation on the CPU) and the coarse inverse A_c^-1 that the kernels read. The
-//! preconditioner is M^-1 = D^-1 + P A_c^-1 P^T, with the diagonal blocks D of the operator A; the restriction is P^T.
+//! preconditioner is M^-1 = D^-1 + P A_c^-1 P^T, with the diagonal blocks D of the operator A; the restriction is P^T. P
+//! has the affine motions of blocks, with contacts times D^-1 E, where E is D without contacts.
 //! A block is the nodes of one workgroup and has twelve modes, its affine motions, which are columns of P; see mod.rs.
 //! The solver finds x in A x = b by conjugate gradients, which keep the residual r = b - A x, u = M^-1 r, w = A u, the
 //! search direction p and s = A p.
@@ -33,6 +34,8 @@ const AMPLITUDE: f64 = 0.004;
 /// it.
 pub struct Twin {
     pub p: Mat<f64>,
+    /// Sum of the magnitudes of the terms of each entry of P.
+    p_sizes: Mat<f64>,
     inverse: Mat<f64>,
 }
 
@@ -69,16 +72,42 @@ fn expect_within(what: &str, got: &[f64], want: &[f64], sizes: &[f64], share: f6
     worst
 }
 
+fn absolute(m: &Mat<f64>) -> Mat<f64> {
+    Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)].abs())
+}
+
 impl Twin {
-    /// The coarse space of a system whose blocks are rotated as solve/assemble found.
+    /// The coarse space of a system whose blocks are rotated as solve/assemble found. With contacts, the rows of a free
+    /// node are those of the affine motions times D^-1 E, with the kernels' D^-1 and the oracle's E, the node's diagonal
+    /// block without contacts.
     pub fn new(passes: &Passes) -> Twin {
-        let p = coarse_vector_of(&passes.system, &passes.block_turns);
-        Twin { p, inverse: host_inverse(&passes.system.model, false) }
+        let system = &passes.system;
+        let mut p = coarse_vector_of(system, &passes.block_turns);
+        let mut p_sizes = absolute(&p);
+        if passes.contact {
+            let maps = system.twin.unknowns().nodes;
+            let free: Vec<(usize, usize)> = (maps.iter().flatten().enumerate())
+                .filter(|(_, map)| map.len() == 1)
+                .map(|(i, map)| (i, map[0].0))
+                .collect();
+            let firsts: Vec<usize> = free.iter().map(|(_, first)| *first).collect();
+            let without_contacts = system.twin.assemble(system.device.as_ref(), &[]).0.diagonal_blocks(&firsts);
+            for ((node, first), block) in free.iter().zip(without_contacts) {
+                let inverse = DMat3::from_cols_array_2d(
+                    &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|unit| passes.precondition(*node, unit)),
+                );
+                for j in 0..p.ncols() {
+                    let moved = DVec3::from_array(std::array::from_fn(|k| p[(first + k, j)]));
+                    let (value, size) = (inverse * (block * moved), inverse.abs() * (block.abs() * moved.abs()));
+                    (0..3).for_each(|k| (p[(first + k, j)], p_sizes[(first + k, j)]) = (value[k], size[k]));
+                }
+            }
+        }
+        Twin { p, p_sizes, inverse: host_inverse(&system.model, false) }
     }
 
     fn absolute(&self) -> Twin {
-        let of = |m: &Mat<f64>| Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)].abs());
-        Twin { p: of(&self.p), inverse: of(&self.inverse) }
+        Twin { p: self.p_sizes.clone(), p_sizes: self.p_sizes.clone(), inverse: absolute(&self.inverse) }
     }
 
     /// The restriction P^T x of a vector over the unknowns.

@@ -58,6 +58,7 @@ impl Passes {
             .input("rigids", &self.rigids)
             .partial("rhs", &unwritten::<[f32; 4]>(nodes))
             .partial("inverse", &unwritten::<[f32; 4]>(2 * nodes))
+            .partial("blocks_without_contacts", &unwritten::<[f32; 4]>(2 * nodes))
             .output::<[f32; 2]>("partials", blocks)
             .output::<[f32; 4]>("restricted_rhs", 3 * blocks)
             .inout("block_rotations", &self.block_rotations)
@@ -71,6 +72,9 @@ impl Passes {
         let roles = self.roles();
         self.rhs = settled("rhs", outcome.get("rhs"), |i| roles[i].is_some());
         self.inverse = settled("inverse", outcome.get("inverse"), |i| roles[i / 2].is_some());
+        let is_kept = |i: usize| self.contact && self.coarse && roles[i / 2] == Some(FREE);
+        self.blocks_without_contacts =
+            settled("blocks_without_contacts", outcome.get("blocks_without_contacts"), is_kept);
         self.partials = outcome.get("partials");
         self.restricted_rhs = outcome.get("restricted_rhs");
         self.block_rotations = outcome.get("block_rotations");
@@ -241,6 +245,7 @@ impl Passes {
             .input("trend", &self.trend)
             .input("residual_or_rhs", residual_or_rhs)
             .input("inverse", &self.inverse)
+            .input("blocks_without_contacts", &self.blocks_without_contacts)
             .input("rigids", &self.rigids)
             .input("iterates", iterates)
             .partial("operator_product", &unwritten::<[f32; 4]>(self.nodes()))
@@ -331,6 +336,7 @@ impl Passes {
         let (s, nodes) = (&self.system, self.nodes());
         let outcome = self
             .reduce("solve/first_iterate")
+            .constant("CONTACT", self.contact)
             .input("solve", &[self.state])
             .input("block_turns", &self.block_turns)
             .input("blocks", &s.model.blocks.blocks)
@@ -342,6 +348,7 @@ impl Passes {
             .input("operator_product", &self.operator_product)
             .input("trend_product", &self.trend_product)
             .input("inverse", &self.inverse)
+            .input("blocks_without_contacts", &self.blocks_without_contacts)
             .input("coarse_rhs", &self.coarse_rhs)
             .input("coarse_product", &self.coarse_product)
             .input("coarse_trend", &self.coarse_trend)
@@ -420,6 +427,7 @@ impl Passes {
             .input("restricted_residual", &self.restricted_residual)
             .input("operator_product", &self.operator_product)
             .input("inverse", &self.inverse)
+            .input("blocks_without_contacts", &self.blocks_without_contacts)
             .input("residual", &self.residual)
             .input("preconditioned", &self.preconditioned)
             .input("direction", &self.direction)

@@ -51,6 +51,7 @@ pub struct Passes {
     pub carried_residual: Vec<[f32; 4]>,
     pub rhs: Vec<[f32; 4]>,
     pub inverse: Vec<[f32; 4]>,
+    pub blocks_without_contacts: Vec<[f32; 4]>,
     pub solution: Vec<[f32; 4]>,
     pub trend: Vec<[f32; 4]>,
     /// Residual. The kernels write two sets of iterates in turn; this vector and the next three belong to the newer
@@ -126,6 +127,7 @@ impl Passes {
             carried_residual: zeros.clone(),
             rhs: zeros.clone(),
             inverse: vec![[0.0; 4]; 2 * nodes],
+            blocks_without_contacts: vec![[0.0; 4]; 2 * nodes],
             solution: zeros.clone(),
             trend: zeros.clone(),
             residual: zeros.clone(),
