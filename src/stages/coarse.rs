@@ -7,7 +7,7 @@
 //! subdomains: M^-1 = D^-1 + P A_c^-1 P^T, where D is the block diagonal of A (3x3 for each free node), P maps modes to
 //! node velocities, and A_c = P^T A P is the Galerkin coarse matrix. P rotates with the blocks, so the inverse for
 //! bodies at rest serves a body in any orientation. Contact and deformation are left out of A_c, which need not be
-//! exact.
+//! exact; of P the kernels leave out what stiff contacts resist (shaders/shared/preconditioner.glsl).
 
 mod matrix;
 
