@@ -49,7 +49,7 @@ pub use contacts::ContactPoint;
 pub use device_input::DeviceInput;
 use frames::Frames;
 use probes::ProbePlace;
-pub use report::{Pose, StepReport, ToolReport};
+pub use report::{Pose, StepReport, StepWork, ToolReport};
 pub use rigid::{RigidState, Wrench};
 pub use shown::{ContactPatchRectangle, Cut, Field, FieldValues, Mesh, Overlay, Part, Skins};
 use stage_set::Stages;
@@ -65,6 +65,16 @@ const LOOSEST: f64 = 1e-2;
 /// work and cost up to a millisecond on some drivers.
 pub const TIMED_EVERY: u64 = 8;
 
+/// What timestamps measure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Timing {
+    Nothing,
+    /// In every second timed step each stage by itself, in the others the stages from pose to contact as one.
+    Stages,
+    /// Each pass by itself.
+    Passes,
+}
+
 /// A scene that is being simulated.
 pub struct Simulation {
     context: Arc<Context>,
@@ -75,9 +85,10 @@ pub struct Simulation {
     model: Model,
     stages: Stages,
     plain: Recordings,
-    /// Two sets of recordings (command buffers of a step) with timestamps: the first times each stage by itself, the
-    /// second times the stages from pose to contact as one.
-    timed: Option<[Recordings; 2]>,
+    timing: Timing,
+    /// The sets of recordings (command buffers of a step) with timestamps, which timed steps use in turn: see
+    /// [`Timing`].
+    timed: Vec<Recordings>,
     tool: Option<Tool>,
     frames: Frames,
     trajectory: Trajectory,
@@ -97,7 +108,11 @@ pub struct Simulation {
     max_force: f64,
     last_wrench: Option<ContactWrench>,
     last_iterations: u32,
+    /// What the last step asked of the GPU.
+    last_work: StepWork,
     last_timed: Option<Vec<(String, f64)>>,
+    /// By what runs: the number of passes since [`Simulation::time_passes`].
+    pass_counts: Vec<(String, u64)>,
     timed_every: u64,
     /// Whether the recordings contain friction.
     has_friction: bool,
@@ -177,6 +192,7 @@ impl Simulation {
     fn step_to(&mut self, time: f64, h: f64) -> Result<StepReport> {
         let begun = Instant::now();
         self.step += 1;
+        self.last_work = StepWork { device_us: self.is_timed().then_some(0.0), ..StepWork::default() };
         let report = self.advance(time - h, h, MOST_HALVINGS)?;
         self.time = time;
         // A frozen step, in which no attempt succeeded, leaves the forces of a solve that was not accepted.
@@ -250,17 +266,35 @@ impl Simulation {
     /// Times one step in `steps` from now on, alternately each stage by itself and the stages from pose to contact as
     /// one. With `steps` 0 no step is timed, and the recordings with timestamps are dropped.
     pub fn time_every(&mut self, steps: u64) -> Result<()> {
-        match steps {
-            0 => self.timed = None,
-            _ if self.timed.is_none() => self.timed = Some(make::timed(&self.context, &self.stages, &self.scene)?),
-            _ => {}
+        self.set_timing(if steps == 0 { Timing::Nothing } else { Timing::Stages }, steps)
+    }
+
+    /// Times every pass of every step from now on, each by itself; no two passes overlap then.
+    #[doc(hidden)]
+    pub fn time_passes(&mut self) -> Result<()> {
+        self.pass_counts.clear();
+        self.set_timing(Timing::Passes, 1)
+    }
+
+    /// For each kernel, and for the fills and copies of each array: the number of its passes since
+    /// [`Simulation::time_passes`] was called.
+    #[doc(hidden)]
+    pub fn pass_counts(&self) -> &[(String, u64)] {
+        &self.pass_counts
+    }
+
+    fn set_timing(&mut self, timing: Timing, steps: u64) -> Result<()> {
+        if self.timing != timing {
+            self.timed = make::timed(&self.context, &self.stages, &self.scene, timing)?;
         }
-        self.timed_every = steps;
+        (self.timing, self.timed_every) = (timing, steps);
         Ok(())
     }
 
     /// Times of the stages in the last step, microseconds; `None` where that step was not timed. In every second timed
     /// step the stages from pose to contact have a single time, [`POSE_TO_CONTACT`](crate::stages::POSE_TO_CONTACT).
+    /// After [`Simulation::time_passes`] the times are those of passes, by the kernel that runs, or of all fills or
+    /// copies that write the same array.
     pub fn stage_times(&self) -> Option<&[(String, f64)]> {
         self.last_timed.as_deref()
     }
@@ -428,6 +462,7 @@ impl Simulation {
                 .then_some(f64::from(report.nonlinear_residual)),
             flags: Flags(report.flags),
             step_us: begun.elapsed().as_secs_f64() * 1e6,
+            work: self.last_work,
             probes,
         }
     }

@@ -23,6 +23,17 @@ use crate::error::{Error, Result};
 /// Size of a VkDispatchIndirectCommand, bytes.
 const DISPATCH_ARGS: u64 = 12;
 
+/// What the timers of a recording measure.
+#[derive(Clone, Copy)]
+enum Timers {
+    /// Nothing.
+    None,
+    /// Stages: the function maps the name of a stage to the name of the timer that measures it.
+    Stages(fn(&str) -> &str),
+    /// Each pass by itself; a timer has the name of its pass, see [`Pass::what`].
+    Passes,
+}
+
 /// Records passes into a [`Recording`].
 pub struct Recorder {
     pub(super) commands: Commands,
@@ -31,8 +42,7 @@ pub struct Recorder {
     bound: vk::Pipeline,
     stage: String,
     labelled: bool,
-    /// Maps the name of a stage to the name of the timer that measures it; `None` if nothing is timed.
-    timers: Option<fn(&str) -> &str>,
+    timers: Timers,
     /// Name of the timer that is running.
     timer: Option<String>,
     /// Whether dispatches are recorded without workgroups and draws without vertices.
@@ -57,7 +67,17 @@ impl Recorder {
     /// Begins a recording in which each stage is measured by the timer that `timers` names for the stage. No timestamp
     /// is written between consecutive stages with the same timer.
     pub fn timed_by(context: &Arc<Context>, timers: fn(&str) -> &str) -> Result<Recorder> {
-        let timers = (context.timestamp_bits > 0).then_some(timers);
+        Self::with_timers(context, Timers::Stages(timers))
+    }
+
+    /// Begins a recording in which each pass is timed by itself. Since a timestamp waits for all passes before it, no
+    /// two passes overlap.
+    pub fn timed_by_pass(context: &Arc<Context>) -> Result<Recorder> {
+        Self::with_timers(context, Timers::Passes)
+    }
+
+    fn with_timers(context: &Arc<Context>, timers: Timers) -> Result<Recorder> {
+        let timers = if context.timestamp_bits > 0 { timers } else { Timers::None };
         Ok(Recorder { timers, ..Self::untimed(context)? })
     }
 
@@ -70,7 +90,7 @@ impl Recorder {
             bound: vk::Pipeline::null(),
             stage: "set-up".into(),
             labelled: false,
-            timers: None,
+            timers: Timers::None,
             timer: None,
             empty: false,
             error: None,
@@ -93,8 +113,10 @@ impl Recorder {
     pub fn stage(&mut self, name: &str) {
         self.end_label();
         self.stage = name.into();
-        let timer = self.timers.map(|timers| timers(name).to_string());
-        if let Some(timer) = timer.filter(|timer| self.timer.as_ref() != Some(timer)) {
+        if let Timers::Stages(timers) = self.timers
+            && self.timer.as_deref() != Some(timers(name))
+        {
+            let timer = timers(name).to_string();
             let marked = self.commands.mark(&timer);
             self.note(marked);
             self.timer = Some(timer);
@@ -205,7 +227,7 @@ impl Recorder {
     /// Ends the recording, or returns the first error of any pass.
     pub fn finish(mut self) -> Result<Recording> {
         self.end_label();
-        if self.timers.is_some() {
+        if !matches!(self.timers, Timers::None) {
             let marked = self.commands.mark("end");
             self.note(marked);
         }
@@ -339,9 +361,13 @@ impl Recorder {
     /// array that a fill or copy writes, or else the kernel or shaders that run.
     pub(super) fn pass(&mut self, verb: &str, name: &str, uses: &[Use]) {
         let barrier = self.hazards.before(uses);
-        let passes = &mut self.commands.passes;
-        let (what, waits) = (format!("{verb} {name}").trim().to_string(), passes.is_empty() || barrier.is_some());
-        passes.push(Pass { stage: self.stage.clone(), what, is_kernel: verb.is_empty(), waits });
+        let what = format!("{verb} {name}").trim().to_string();
+        let waits = self.commands.passes.is_empty() || barrier.is_some();
+        if matches!(self.timers, Timers::Passes) {
+            let marked = self.commands.mark(&what);
+            self.note(marked);
+        }
+        self.commands.passes.push(Pass { stage: self.stage.clone(), what, is_kernel: verb.is_empty(), waits });
         if let Some(barrier) = barrier {
             self.barrier(barrier);
         }

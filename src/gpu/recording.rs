@@ -294,6 +294,17 @@ impl Recording {
         out
     }
 
+    /// Time from the start of the recording's first timer to its end in its last run, microseconds; 0 before the first
+    /// run, and if nothing was timed.
+    pub fn device_us(&self) -> f64 {
+        self.stage_times().iter().map(|(_, us)| us).sum()
+    }
+
+    /// Number of passes that wait for an earlier pass.
+    pub fn dependent_passes(&self) -> u32 {
+        self.commands.passes.iter().filter(|pass| pass.waits).count() as u32
+    }
+
     /// The stages in order of first appearance, with their numbers of passes.
     pub fn passes(&self) -> Vec<StagePasses> {
         let mut stages: Vec<StagePasses> = Vec::new();

@@ -18,7 +18,7 @@
 //!    halves; where even the shortest halves fail, everything stops ([`Recordings::stop`]).
 
 use super::stage_set::Stages;
-use super::{Flags, Simulation, tools};
+use super::{Flags, Simulation, StepWork, Timing, tools};
 use crate::gpu::{Recorder, Recording};
 use crate::shaders::{self, Fit, Report};
 use crate::stages::gap::Skins;
@@ -83,9 +83,9 @@ impl Recordings {
     }
 
     /// The shortest plan with at least this many iterations, or else the longest.
-    pub fn plan(&self, iterations: u32) -> &Recording {
+    pub fn plan(&self, iterations: u32) -> &(u32, Recording) {
         let fits = self.iterate.iter().find(|(length, _)| *length >= iterations);
-        &fits.unwrap_or(&self.iterate[self.iterate.len() - 1]).1
+        fits.unwrap_or(&self.iterate[self.iterate.len() - 1])
     }
 }
 
@@ -229,15 +229,18 @@ impl Simulation {
         self.arrive(h, false)
     }
 
+    /// Whether timestamps measure the current step.
+    pub(super) fn is_timed(&self) -> bool {
+        self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every
+    }
+
     /// Submits the step, and after it whatever the verdict asks for: more iterations, another solve after contacts were
     /// released, a further Newton iteration, or the check after the last of several. The report's number of iterations
     /// is the sum over all solves.
     fn submit(&mut self) -> Result<Report> {
-        let timed = self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every;
-        let set = match &self.timed {
-            Some(both) if timed => &both[(self.step / self.timed_every % 2) as usize],
-            _ => &self.plain,
-        };
+        let timed = self.is_timed();
+        let turn = self.step.checked_div(self.timed_every).unwrap_or_default() as usize;
+        let set = if timed { &self.timed[turn % self.timed.len()] } else { &self.plain };
         let mut wanted = self.last_iterations + SPARE_ITERATIONS;
         let (mut again, mut times) = (&set.resolve, Vec::new());
         // The part to submit before the iterations, if any.
@@ -246,11 +249,23 @@ impl Simulation {
         // further Newton iteration followed; solves before a release of contacts do not count for the latter.
         let (mut earlier, mut longest) = (0, 0);
         for _ in 0..MOST_SUBMITS * (self.scene.step.newton + 1) {
-            let all = [first.unwrap_or(&set.end), set.plan(wanted), &set.end];
+            let (planned, plan) = set.plan(wanted);
+            let all = [first.unwrap_or(&set.end), plan, &set.end];
             let parts = if first.is_some() { &all[..] } else { &all[1..] };
             Recording::submit_all(parts)?;
+            self.last_work += StepWork {
+                solves: u32::from(first.is_some()),
+                submits: 1,
+                planned_iterations: *planned,
+                dependent_passes: parts.iter().map(|part| part.dependent_passes()).sum(),
+                device_us: timed.then(|| parts.iter().map(|part| part.device_us()).sum()),
+            };
             if timed {
-                parts.iter().for_each(|part| add_times(&mut times, part.stage_times()));
+                parts.iter().for_each(|part| add_by_name(&mut times, part.stage_times()));
+            }
+            if self.timing == Timing::Passes {
+                let passes = parts.iter().flat_map(|part| part.all_passes());
+                add_by_name(&mut self.pass_counts, passes.map(|pass| (pass.what.clone(), 1)));
             }
             let mut report = self.stages.common.report.mapped::<Report>()?[0];
             match report.verdict {
@@ -295,11 +310,11 @@ impl Simulation {
     }
 }
 
-fn add_times(sums: &mut Vec<(String, f64)>, times: Vec<(String, f64)>) {
-    for (name, us) in times {
+fn add_by_name<T: std::ops::AddAssign>(sums: &mut Vec<(String, T)>, more: impl IntoIterator<Item = (String, T)>) {
+    for (name, value) in more {
         match sums.iter_mut().find(|(known, _)| *known == name) {
-            Some((_, sum)) => *sum += us,
-            None => sums.push((name, us)),
+            Some((_, sum)) => *sum += value,
+            None => sums.push((name, value)),
         }
     }
 }

@@ -171,10 +171,10 @@ impl Simulation {
         let stages = Stages::new(&self.context, model, self.path, &probe_nodes)?;
         write_all(&self.context, &stages.state(), &arrays)?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(&self.context))?;
-        let timed = self.timed.is_some().then(|| make::timed(&self.context, &stages, scene)).transpose()?;
+        let timed = make::timed(&self.context, &stages, scene, self.timing)?;
         Ok((stages, plain, timed))
     }
 }
 
 /// Kernels and arrays, and the recordings made of them, without and with timestamps.
-type NewRecordings = (Stages, Recordings, Option<[Recordings; 2]>);
+type NewRecordings = (Stages, Recordings, Vec<Recordings>);

@@ -12,7 +12,7 @@ use super::algorithm::Recordings;
 use super::frames::Frames;
 use super::probes::{ProbePlace, probes_of};
 use super::stage_set::Stages;
-use super::{Simulation, TIMED_EVERY, tools};
+use super::{Simulation, StepWork, TIMED_EVERY, Timing, tools};
 use crate::gpu::{Context, Level, Options, Recorder, Threads};
 use crate::plan::Plan;
 use crate::prepare::bodies::Bodies;
@@ -140,7 +140,8 @@ impl Prepared {
         // first step.
         Recordings::new(&stages, 0, || Recorder::warm_up(context))?.submit_once()?;
         let plain = Recordings::new(&stages, scene.solver.max_iterations, || Recorder::untimed(context))?;
-        let timed = Some(timed(context, &stages, scene)?);
+        let timing = Timing::Stages;
+        let timed = timed(context, &stages, scene, timing)?;
         let start = tool.as_ref().map_or((DVec3::ZERO, DQuat::IDENTITY), |t| (t.centre, t.orientation));
         let plan = Plan::new(scene, &model, choice.map(|choice| choice.to_string()));
         let tool_core_mass = tools::tool_core_mass(&model);
@@ -154,6 +155,7 @@ impl Prepared {
             model,
             stages,
             plain,
+            timing,
             timed,
             tool,
             frames,
@@ -168,7 +170,9 @@ impl Prepared {
             max_force: f64::INFINITY,
             last_wrench: None,
             last_iterations: 0,
+            last_work: StepWork::default(),
             last_timed: None,
+            pass_counts: Vec::new(),
             timed_every: TIMED_EVERY,
             is_solved: false,
             step_origin: DVec3::ZERO,
@@ -178,11 +182,24 @@ impl Prepared {
     }
 }
 
-/// Two sets of recordings of the step with timestamps: the first set measures the time of each stage, the second
-/// measures the stages from pose to contact together as if they were one stage.
-pub(super) fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene) -> Result<[Recordings; 2]> {
-    let timed = |timers| Recordings::new(stages, scene.solver.max_iterations, || Recorder::timed_by(context, timers));
-    Ok([timed(|stage| stage)?, timed(query_as_one)?])
+/// The sets of recordings of the step with timestamps, one for each kind of step that is timed.
+pub(super) fn timed(
+    context: &Arc<Context>,
+    stages: &Stages,
+    scene: &Scene,
+    timing: Timing,
+) -> Result<Vec<Recordings>> {
+    let record = |recorder: &dyn Fn() -> Result<Recorder>| {
+        Recordings::new(stages, scene.solver.max_iterations, recorder)
+    };
+    match timing {
+        Timing::Nothing => Ok(Vec::new()),
+        Timing::Stages => Ok(vec![
+            record(&|| Recorder::new(context))?,
+            record(&|| Recorder::timed_by(context, query_as_one))?,
+        ]),
+        Timing::Passes => Ok(vec![record(&|| Recorder::timed_by_pass(context))?]),
+    }
 }
 
 /// The initial velocity of the body that a rigid coordinate frame belongs to, m/s.

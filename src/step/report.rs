@@ -35,8 +35,38 @@ pub struct StepReport {
     /// Wall time of the step, from when the haptic device's pose is known until the contact wrench on the tool is
     /// known, microseconds.
     pub step_us: f64,
+    /// What the step asked of the GPU.
+    pub work: StepWork,
     /// World positions of the probes, m, in the order in which the scene lists them.
     pub probes: Vec<DVec3>,
+}
+
+/// What a step asked of the GPU, in all attempts at it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct StepWork {
+    /// Number of linear solves.
+    pub solves: u32,
+    /// Number of submits to the GPU; the host waits for the end of each.
+    pub submits: u32,
+    /// Number of iterations that were submitted. Those after a solve has ended find nothing to do, so that this number
+    /// is at least the number of iterations done.
+    pub planned_iterations: u32,
+    /// Number of passes (dispatches, draws, fills and copies) that had to wait for an earlier pass, those of planned
+    /// iterations that found nothing to do included.
+    pub dependent_passes: u32,
+    /// Time from the first to the last pass of each submit, all submits together, microseconds; `None` where the step
+    /// was not timed.
+    pub device_us: Option<f64>,
+}
+
+impl std::ops::AddAssign for StepWork {
+    fn add_assign(&mut self, other: StepWork) {
+        self.solves += other.solves;
+        self.submits += other.submits;
+        self.planned_iterations += other.planned_iterations;
+        self.dependent_passes += other.dependent_passes;
+        self.device_us = self.device_us.zip(other.device_us).map(|(a, b)| a + b);
+    }
 }
 
 /// The tool at the end of a step.

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use palpate::internal::gpu::shader_names;
 use palpate::internal::plan::Explanation;
-use palpate::{Scene, Simulation};
+use palpate::{Scene, Simulation, StepReport, StepWork};
 
 use crate::scene::whole_step::{open, run, scene};
 
@@ -237,6 +237,44 @@ fn times_that_nobody_asks_for_leave_the_step_as_it_is() {
     untimed.time_every(1).unwrap();
     run(&mut untimed, 1);
     assert!(untimed.stage_times().is_some_and(|times| !times.is_empty()));
+}
+
+/// Where every pass is timed, the names are those of `--explain`, the numbers of passes are those that the step reports,
+/// and the step computes the same.
+#[test]
+fn passes_are_timed_by_kernel_and_counted() {
+    let text = block("", "", "", TOOL);
+    let [mut plain, mut timed] = [&text, &text].map(|text| open(&scene(text), None));
+    timed.time_passes().unwrap();
+    let [plain_rows, rows] = [&mut plain, &mut timed].map(|simulation| run(simulation, 5));
+    let forces = |rows: &[StepReport]| rows.iter().map(|row| row.tool.map(|tool| tool.force)).collect::<Vec<_>>();
+    assert_eq!(forces(&plain_rows), forces(&rows));
+    let explanation = timed.explain(ITERATIONS);
+    let known: BTreeSet<&str> =
+        explanation.stages.iter().flat_map(|stage| &stage.kernels).map(|kernel| kernel.kernel.as_str()).collect();
+    let counts = timed.pass_counts();
+    for (what, count) in counts {
+        assert!(known.contains(what.as_str()), "--explain does not list {what}, which was timed");
+        assert!(*count > 0, "{what} was timed without a pass");
+    }
+    let times = timed.stage_times().unwrap();
+    assert!(times.iter().all(|(what, us)| *us > 0.0 && counts.iter().any(|(known, _)| known == what)));
+    for (what, least) in [("elastic/element_forces", 5), ("solve/commit", 5), ("solve/gather", 10)] {
+        let count = counts.iter().find(|(known, _)| known == what).map_or(0, |(_, count)| *count);
+        assert!(count >= least, "{what} ran {count} times in 5 steps, {least} at least expected");
+    }
+    for (row, plain) in rows.iter().zip(&plain_rows) {
+        let StepWork { solves, submits, planned_iterations, dependent_passes, device_us } = row.work;
+        assert!(solves >= 1 && submits >= solves, "{:?}", row.work);
+        assert!(planned_iterations >= row.iterations, "{:?} for {} iterations", row.work, row.iterations);
+        assert_eq!(StepWork { device_us: None, ..row.work }, StepWork { device_us: None, ..plain.work });
+        // An iteration has two passes at least.
+        assert!(dependent_passes > 2 * planned_iterations, "{:?}", row.work);
+        assert!(device_us.is_some_and(|us| us > 0.0 && us < row.step_us), "{:?} in a step of {} us", row.work, row.step_us);
+    }
+    let sum = times.iter().map(|(_, us)| us).sum::<f64>();
+    let last = rows[rows.len() - 1].work.device_us.unwrap();
+    assert!((sum / last - 1.0).abs() < 1e-9, "passes take {sum} us, the step {last} us on the device");
 }
 
 #[test]

@@ -67,6 +67,11 @@ impl Engine {
         self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
     }
 
+    /// Times each pass (dispatch, draw, fill or copy) by itself from now on, instead of each stage.
+    pub fn time_passes(&mut self) -> Result<()> {
+        self.simulation.time_passes()
+    }
+
     /// Does a step of the length that the scene gives; bodies that the scene moves follow its keys (timed poses).
     pub fn step(&mut self) -> Result<StepReport> {
         let row = self.simulation.step()?;
@@ -109,10 +114,13 @@ impl Engine {
     pub fn results(&mut self) -> Result<Outcome> {
         let mean_iterations = self.iterations.div_ceil(self.steps.max(1)) as u32;
         let (passes, _) = self.simulation.passes(mean_iterations);
+        let per_step = |(what, count): &(String, u64)| (what.clone(), count.div_ceil(self.steps.max(1)) as u32);
+        let all_passes = self.simulation.pass_counts().iter().map(per_step).chain(passes.iter().cloned());
+        let all_passes: Vec<(String, u32)> = all_passes.collect();
         for samples in &mut self.stages {
             let of_timer =
-                |(stage, _): &&(String, u32)| samples.stage == *stage || samples.stage == query_as_one(stage);
-            samples.passes = passes.iter().filter(of_timer).map(|(_, n)| n).sum();
+                |(timed, _): &&(String, u32)| samples.stage == *timed || samples.stage == query_as_one(timed);
+            samples.passes = all_passes.iter().filter(of_timer).map(|(_, n)| n).sum();
         }
         let (mut layers, mut skins) = (Vec::new(), Vec::new());
         for (index, body) in self.simulation.bodies().iter().enumerate() {

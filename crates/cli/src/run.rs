@@ -83,6 +83,10 @@ pub struct Arguments {
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "16",
         conflicts_with_all = ["steps", "seconds", "record"], value_parser = iterations)]
     explain: Option<u32>,
+    /// Time every GPU pass of every step by itself, instead of every stage in one step of eight. The step takes longer:
+    /// no two passes overlap
+    #[arg(long, conflicts_with = "explain")]
+    passes: bool,
     /// Write an image every N steps, `snapshot-STEP.png`
     #[cfg(feature = "view")]
     #[arg(long, value_name = "N", requires = "out", conflicts_with = "explain", value_parser = steps, allow_negative_numbers = true)]
@@ -203,8 +207,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     } else {
         steps_of(arguments, &scene)?
     };
-    let engine = Engine::open(&scene, &arguments.device_options())?;
+    let mut engine = Engine::open(&scene, &arguments.device_options())?;
     engine.notes().for_each(tell);
+    if arguments.passes {
+        engine.time_passes()?;
+    }
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let done = simulate(engine, &scene, &extent, arguments, output.as_mut())?;
     let page = match output {

@@ -45,7 +45,7 @@ pub struct Plan {
     pub reason: String,
 }
 
-/// Times of one stage.
+/// Times of one stage, or where passes are timed by themselves, of one kernel, or of the fills or copies of one array.
 #[derive(Debug, Clone)]
 pub struct StageSamples {
     /// Name of the stage.
@@ -249,12 +249,13 @@ pub struct ClosingTable<'a> {
 impl fmt::Display for ClosingTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let ClosingTable { facts, tally } = self;
+        let width = facts.stages.iter().map(|stage| stage.stage.len()).fold(16, usize::max);
         let line = |f: &mut fmt::Formatter, name: &str, passes: u32, times: Option<(f64, f64)>| {
             let cell = |time: Option<f64>| time.map_or("-".into(), |us| format!("{us:.1}"));
             let (median, p99) = (cell(times.map(|t| t.0)), cell(times.map(|t| t.1)));
-            writeln!(f, "{name:<16} {passes:>6} {median:>12} {p99:>12}")
+            writeln!(f, "{name:<width$} {passes:>6} {median:>12} {p99:>12}")
         };
-        writeln!(f, "{:<16} {:>6} {:>12} {:>12}", "stage", "passes", "median us", "p99 us")?;
+        writeln!(f, "{:<width$} {:>6} {:>12} {:>12}", "stage", "passes", "median us", "p99 us")?;
         for stage in &facts.stages {
             line(f, &stage.stage, stage.passes, stage.quantiles())?;
         }

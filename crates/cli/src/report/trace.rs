@@ -2,16 +2,18 @@
 
 use std::io::Write;
 
-use palpate::StepReport;
+use palpate::{StepReport, StepWork};
 
 const HEAD: &str = "step,time_s,tool_x,tool_y,tool_z,tool_qx,tool_qy,tool_qz,tool_qw,device_x,device_y,device_z,\
 device_qx,device_qy,device_qz,device_qw,force_x,force_y,force_z,torque_x,torque_y,torque_z,contacts,max_depth_m,\
 iterations,residual,flags,step_us";
+/// Columns after the probes: what the step asked of the GPU.
+const WORK: &str = ",solves,submits,planned_iterations,dependent_passes,device_us";
 /// Number of columns that a scene without a tool leaves empty: poses of tool and device, force and torque.
 const TOOL_COLUMNS: usize = 20;
 
 /// Writes step reports as rows of CSV. Each number has the shortest form that is read back as the same f64, except
-/// `step_us`, which has one decimal.
+/// `step_us` and `device_us`, which have one decimal.
 pub struct Trace<W: Write> {
     writer: W,
     probes: usize,
@@ -25,7 +27,7 @@ impl<W: Write> Trace<W> {
         for name in probes {
             write!(writer, ",{name}_x,{name}_y,{name}_z")?;
         }
-        writeln!(writer)?;
+        writeln!(writer, "{WORK}")?;
         Ok(Trace { writer, probes: probes.len() })
     }
 
@@ -51,7 +53,9 @@ impl<W: Write> Trace<W> {
         for probe in &row.probes {
             write_numbers(w, &probe.to_array())?;
         }
-        writeln!(w)
+        let StepWork { solves, submits, planned_iterations, dependent_passes, device_us } = row.work;
+        let device_us = device_us.map(|us| format!("{us:.1}")).unwrap_or_default();
+        writeln!(w, ",{solves},{submits},{planned_iterations},{dependent_passes},{device_us}")
     }
 
     /// Writes out the rows that are still buffered.
@@ -95,6 +99,13 @@ mod tests {
             nonlinear_residual: None,
             flags: Flags::NOT_CONVERGED | Flags::FROZEN,
             step_us: 812.3456,
+            work: StepWork {
+                solves: 2,
+                submits: 3,
+                planned_iterations: 16,
+                dependent_passes: 60,
+                device_us: Some(700.25),
+            },
             probes: vec![DVec3::new(0.5, 0.25, 1e9)],
         }
     }
@@ -110,6 +121,8 @@ mod tests {
         assert_eq!(DVec3::new(number("force_x"), number("force_y"), number("force_z")), row.tool.unwrap().force);
         assert_eq!((number("tool_qw"), number("device_qw"), number("torque_z")), (1.0, 1.0, 0.0));
         assert_eq!((number("max_depth_m"), number("residual"), number("nose_z")), (1.5e-4, 3e-6, 1e9));
+        let work = ["solves", "submits", "planned_iterations", "dependent_passes", "device_us"].map(cell);
+        assert_eq!(work, ["2", "3", "16", "60", "700.2"]);
     }
 
     #[test]

@@ -47,7 +47,7 @@ fn simulation(folder: &std::path::Path) -> Simulation {
 
 /// A step report as text, without the time that the step took.
 fn bits(row: &StepReport) -> String {
-    format!("{:?}", StepReport { step_us: 0.0, ..row.clone() })
+    format!("{:?}", StepReport { step_us: 0.0, work: StepWork::default(), ..row.clone() })
 }
 
 fn live(
