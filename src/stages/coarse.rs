@@ -12,7 +12,7 @@
 mod matrix;
 
 use crate::shaders;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use faer::linalg::solvers::DenseSolveCore;
 use faer::{Mat, MatRef, Side};
@@ -25,17 +25,15 @@ use crate::shaders::NONE;
 /// Number of modes per block. A block of free nodes has the twelve affine motions. A block of nodes attached to a core
 /// has the core's twist (linear and angular velocity) as its first six modes; the others are unused.
 pub const BLOCK_UNKNOWNS: usize = 12;
-/// Stiffness number from which the coarse space saves time for a body with one free node per aggregate, where the solver
-/// goes on to a tolerance below [`TIGHT`]; see [`least_number`]. A stiffness number is the ratio of a node's stiffness to
-/// its inertia in a step.
-const STIFF: f64 = 2.4;
-/// Stiffness number from which the coarse space saves time for such a body where the solver stops earlier, after fewer
-/// iterations, so that what the coarse space costs outside the loop weighs more.
-const STIFF_LOOSE: f64 = 16.0;
-/// Relative residual below which a solver's tolerance counts as tight.
-const TIGHT: f64 = 1e-3;
+/// Stiffness number (see [`Model::stiffness_number`]) above which the coarse space saves time: an iteration with it takes
+/// 1.6 to 1.9 times as long on a CPU. Measured on lavapipe, both preconditioners take equally long at numbers of about
+/// 150 for 726 nodes and 400 for 2,123; 35,301 nodes gain a third at 672.
+const STIFF: f64 = 200.0;
 /// Least number of aggregates of a body that has enough free nodes for that many (see [`LEAST_NODES`]).
-const LEAST_AGGREGATES: usize = 64;
+const LEAST_AGGREGATES: usize = 32;
+/// Least number of aggregates for each rigid coordinate frame in which the body has free nodes. No aggregate has nodes of
+/// two frames, and bones with frames of their own move the flesh around them in different ways.
+const LEAST_PER_FRAME: usize = 4;
 /// Largest number of aggregates of a body.
 const MOST_AGGREGATES: usize = 200;
 /// Number of free nodes that an aggregate needs, since fewer hardly determine an affine motion.
@@ -66,15 +64,14 @@ impl Model {
     /// `Preconditioner::Auto`, bodies that are stiff enough at steps of `dt` seconds have a coarse space; with `Coarse`,
     /// all bodies that deform; with `Jacobi`, none.
     pub(super) fn add_coarse(&mut self, dt: f64, solver: &Solver) {
-        let stiff = if solver.tolerance.is_some_and(|tolerance| tolerance < TIGHT) { STIFF } else { STIFF_LOOSE };
         let wanted = |index: usize| {
             let number = self.stiffness_number(&self.soft[index], dt);
             let has = match solver.preconditioner {
-                Preconditioner::Auto => number > stiff * least_number(self.free_count(&self.soft[index])),
+                Preconditioner::Auto => number > STIFF,
                 Preconditioner::Jacobi => false,
                 Preconditioner::Coarse => number > 0.0,
             };
-            has.then(|| (number, aggregates(self.free_count(&self.soft[index]))))
+            has.then(|| (number, self.aggregate_count(&self.soft[index])))
         };
         let wanted: Vec<_> = (0..self.soft.len()).map(wanted).collect();
         self.add_blocks(|index| wanted[index].map(|(_, count)| count));
@@ -107,9 +104,16 @@ impl Model {
         self.coarse = coarse;
     }
 
-    /// Number of free nodes of a soft body.
-    fn free_count(&self, soft: &SoftRange) -> usize {
-        soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE).count()
+    /// Number of aggregates for a soft body. It is chosen for the least time on a CPU: with B aggregates of n nodes, the
+    /// number of iterations falls about as B^(-1/3), and the time of an iteration grows as n plus a share of B^2, that of
+    /// the product with the dense inverse, so the best B grows as the square root of n. It is limited so that the matrix
+    /// is inverted within a few seconds.
+    fn aggregate_count(&self, soft: &SoftRange) -> usize {
+        let free: Vec<_> = soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE).collect();
+        let frames: BTreeSet<u32> = free.iter().map(|n| self.node_info[*n][2]).collect();
+        let least = LEAST_AGGREGATES.max(LEAST_PER_FRAME * frames.len());
+        let wanted = (0.5 * (free.len() as f64).sqrt()) as usize;
+        wanted.max(least).min(MOST_AGGREGATES).min(free.len().div_ceil(LEAST_NODES)).max(1)
     }
 
     /// Stiffness number of a body: the ratio of a node's stiffness to its inertia in a step of h = `dt` seconds, (h^2 +
@@ -248,23 +252,6 @@ impl Model {
         let at = (self.place_in_frame(node) - DVec3::new(x, y, z)) * inverse_size;
         [1.0, at.x, at.y, at.z]
     }
-}
-
-/// Number of aggregates for a body with this many free nodes. The number of aggregates grows with the nodes only so
-/// fast that the product with the dense inverse takes at most a tenth of an iteration's time, and it is limited so that
-/// the matrix is inverted within a few seconds.
-fn aggregates(nodes: usize) -> usize {
-    let wanted = (0.95 * (nodes as f64).sqrt()) as usize;
-    wanted.clamp(LEAST_AGGREGATES, MOST_AGGREGATES).min(nodes.div_ceil(LEAST_NODES)).max(1)
-}
-
-/// Stiffness number from which the coarse space saves time for a body with this many free nodes, over that for a body
-/// with one free node per aggregate. The square root of the stiffness number is the distance, in nodes, that an elastic
-/// wave travels in a step, and so the distance over which iterations with a Jacobi preconditioner alone must carry
-/// information. With the coarse space, iterations need to carry information only across an aggregate, but one iteration
-/// costs about as much as three without it.
-fn least_number(nodes: usize) -> f64 {
-    (nodes as f64 / aggregates(nodes) as f64).powf(2.0 / 3.0)
 }
 
 /// The inverse of a body's coarse matrix, E X E^T, scaled to a unit diagonal and rounded to half precision, where the

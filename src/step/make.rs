@@ -183,21 +183,14 @@ impl Prepared {
 }
 
 /// The sets of recordings of the step with timestamps, one for each kind of step that is timed.
-pub(super) fn timed(
-    context: &Arc<Context>,
-    stages: &Stages,
-    scene: &Scene,
-    timing: Timing,
-) -> Result<Vec<Recordings>> {
-    let record = |recorder: &dyn Fn() -> Result<Recorder>| {
-        Recordings::new(stages, scene.solver.max_iterations, recorder)
-    };
+pub(super) fn timed(context: &Arc<Context>, stages: &Stages, scene: &Scene, timing: Timing) -> Result<Vec<Recordings>> {
+    let record =
+        |recorder: &dyn Fn() -> Result<Recorder>| Recordings::new(stages, scene.solver.max_iterations, recorder);
     match timing {
         Timing::Nothing => Ok(Vec::new()),
-        Timing::Stages => Ok(vec![
-            record(&|| Recorder::new(context))?,
-            record(&|| Recorder::timed_by(context, query_as_one))?,
-        ]),
+        Timing::Stages => {
+            Ok(vec![record(&|| Recorder::new(context))?, record(&|| Recorder::timed_by(context, query_as_one))?])
+        }
         Timing::Passes => Ok(vec![record(&|| Recorder::timed_by_pass(context))?]),
     }
 }

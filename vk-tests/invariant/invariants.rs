@@ -134,7 +134,9 @@ fn a_free_block_and_a_free_tool_keep_their_momentum() {
 /// Step reports, without their wall time, as text. Two texts differ where any bit of the reports differs, since the
 /// debug form of an f64 is the shortest text that reads back as that number.
 fn bits(rows: &[StepReport]) -> Vec<String> {
-    rows.iter().map(|row| format!("{:?}", StepReport { step_us: 0.0, work: StepWork::default(), ..row.clone() })).collect()
+    rows.iter()
+        .map(|row| format!("{:?}", StepReport { step_us: 0.0, work: StepWork::default(), ..row.clone() }))
+        .collect()
 }
 
 #[test]

@@ -270,7 +270,12 @@ fn passes_are_timed_by_kernel_and_counted() {
         assert_eq!(StepWork { device_us: None, ..row.work }, StepWork { device_us: None, ..plain.work });
         // An iteration has two passes at least.
         assert!(dependent_passes > 2 * planned_iterations, "{:?}", row.work);
-        assert!(device_us.is_some_and(|us| us > 0.0 && us < row.step_us), "{:?} in a step of {} us", row.work, row.step_us);
+        assert!(
+            device_us.is_some_and(|us| us > 0.0 && us < row.step_us),
+            "{:?} in a step of {} us",
+            row.work,
+            row.step_us
+        );
     }
     let sum = times.iter().map(|(_, us)| us).sum::<f64>();
     let last = rows[rows.len() - 1].work.device_us.unwrap();

@@ -9,8 +9,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
-use palpate::Options;
 use palpate::internal::gpu::Recorder;
+use palpate::{Options, StepWork};
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;
 
