@@ -3,6 +3,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/rounds.glsl"
+#include "shared/finite.glsl"
 #include "shared/args.glsl"
 
 // Contact stage (narrow phase) of a step: finds the penetration depth of vertices of a skin (a body's surface mesh).
@@ -81,7 +83,7 @@ uvec3 nearest_ray_hit(uint hash_entry, out bool through) {
     uvec3 best = uvec3(NONE, 0, 0);
     float depth = 3.0e38, back = 3.0e38;
     uint hit = fetch(entry_hits, hash_entry / 4)[hash_entry % 4];
-    while (hit < ALL_HITS) {
+    for (uint k = 0; hit < ALL_HITS && k < MOST_ROUNDS; k++) {
         uvec4 found = fetch(hits, hit);
         float d = uintBitsToFloat(found.z);
         if (d < depth || (d == depth && found.x < best.x)) {
@@ -172,7 +174,7 @@ void find_candidates() {
                 if (nearest.x == NONE || (nearest.y & 1) == 0) continue;
                 ContactPatch contact_patch = contact_patches[(entry.side / 2) * PAIR_PATCHES + r];
                 vec3 found = ray_hit(contact_patch, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);
-                if (!(found.x > 0.0)) continue;
+                if (is_nan(found.x) || found.x <= 0.0) continue;
                 depths[r] = found.x;
                 weights[r] = shares[entry.pair_proxy * PAIR_PATCHES + r] / max(found.x * found.x, 1.0e-30);
                 if (weights[r] > strongest) {
@@ -270,9 +272,9 @@ void list_all() {
 void main() {
     find_candidates();
     barrier();
+    if (gl_LocalInvocationID.x == 0) chunk_contacts[gl_WorkGroupID.x] = uvec2(colliding[0], colliding[1]);
+    memoryBarrierBuffer();
     if (gl_LocalInvocationID.x == 0) {
-        chunk_contacts[gl_WorkGroupID.x] = uvec2(colliding[0], colliding[1]);
-        memoryBarrierBuffer();
         is_last = atomicAdd(counts.chunks_asked, 1) == gl_NumWorkGroups.x - 1;
     }
     barrier();

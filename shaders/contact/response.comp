@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 #include "shared/args.glsl"
 #include "shared/contact_law.glsl"
 

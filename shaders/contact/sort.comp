@@ -2,6 +2,7 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
 #include "shared/types.glsl"
+#include "shared/rounds.glsl"
 
 // Contact stage of a step: sorts the entries of each node (an entry is a contact and its weight on the node), which
 // contact/response put on lists, so that sums over entries have a fixed order. A window of entries is marked in a
@@ -44,7 +45,7 @@ void main() {
     }
     barrier();
     uint least = NONE, greatest = 0, count = 0, entry = head;
-    while (entry < ALL_ENTRIES) {
+    while (entry < ALL_ENTRIES && count < MOST_ROUNDS) {
         count++;
         least = min(least, entry);
         greatest = max(greatest, entry);
@@ -65,9 +66,11 @@ void main() {
         uint words = min(WORDS, range[1] / 32 - window + 1);
         for (uint w = lane; w < words; w += SIZE) bits[w] = 0;
         barrier();
-        for (entry = head; entry < ALL_ENTRIES; entry = next_entries[entry]) {
+        entry = head;
+        for (uint k = 0; k < count; k++) {
             uint word = entry / 32 - window;
             if (word < words) atomicOr(bits[word], 1u << entry % 32);
+            entry = next_entries[entry];
         }
         barrier();
         uint share = (words + SIZE - 1) / SIZE;

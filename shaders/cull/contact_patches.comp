@@ -372,11 +372,11 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
     vec2 extent = column_high - column_low;
     float finest = max(max(extent.x, extent.y) / float(MOST_CELLS), 1.0e-9);
     if (params.texel > 0.0 && params.texel < finest) atomicOr(counts.flags, FLAG_PATCH_OVERFLOW);
-    float cell[2];
+    float cells_per_metre[2];
     for (uint side = 0; side < 2; side++) {
         // The hash gets two or three cells for each vertex, unless a triangle of the other side then covers many cells.
         float wanted = params.texel > 0.0 ? params.texel : max(0.6 * edge[side], edge[1 - side] / 6.0);
-        cell[side] = max(wanted, finest);
+        cells_per_metre[side] = 1.0 / max(wanted, finest);
     }
     // The rotation since the last step is measured from the last step's normal nearest to this one, because the patches
     // may have another order now.
@@ -388,7 +388,7 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
     // A rotation before the skins touch does not count, because the direction is then only an estimate.
     if (touches && all_pushes >= least_push) atomicMax(counts.turn, floatBitsToUint(turn));
     contact_patches[first_patch + r] =
-        ContactPatch(normals[r], axes[0], axes[1], column_low, column_high, cell, touches ? strength[r] : 0.0, turn);
+        ContactPatch(normals[r], axes[0], axes[1], column_low, column_high, cells_per_metre, touches ? strength[r] : 0.0, turn);
 }
 
 // Writes the one patch of a skin and a half-space, and activates the pair proxies that may reach below the half-space's

@@ -159,8 +159,8 @@ void main() {
     list_pair_proxy(active_pair_proxies[gl_WorkGroupID.x]);
     memoryBarrierBuffer();
     barrier();
+    memoryBarrierBuffer();
     if (gl_LocalInvocationID.x == 0) {
-        memoryBarrierBuffer();
         is_last = atomicAdd(counts.pair_proxies_met, 1) == gl_NumWorkGroups.x - 1;
     }
     barrier();

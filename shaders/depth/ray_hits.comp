@@ -3,6 +3,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
+#include "shared/rounds.glsl"
 
 // Depth stage (narrow phase) of a step, as a compute shader (ray_hits.vert and ray_hits.frag are the version that uses
 // the rasterizer): finds where the rays of skin vertices hit the triangles of the other body's skin (surface mesh). A

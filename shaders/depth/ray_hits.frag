@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/rounds.glsl"
 
 // Depth stage (narrow phase) of a step, as a fragment shader: tests a triangle against the skin vertices of the other
 // body in one cell of a contact patch's spatial hash that the triangle may cover (shared/ray_hit.glsl). A skin is the

@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 
 // Depth stage (narrow phase) of a step, as a vertex shader: draws the cells of a contact patch's spatial hash that a
 // triangle covers as a rectangle, so that the rasterizer distributes the cells, one fragment for each (ray_hits.frag).

@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 #include "shared/contact_law.glsl"
 
 // Draw stage (for display, not part of a step): depth (m) and pressure (Pa) of the last step's contacts at skin

@@ -22,7 +22,7 @@ float start_pressure(float depth, float rate, float stiffness, float damping) {
 // the change will be the same again, but the speed will at most double and at least halve.
 float predicted_slip(vec3 slip, vec3 change) {
     float now = length(slip), next = length(slip + change);
-    return isnan(next) ? now : clamp(next, 0.5 * now, 2.0 * now);
+    return is_nan(next) ? now : clamp(next, 0.5 * now, 2.0 * now);
 }
 
 // Coefficient c of friction, N s/m, from the normal force (N) at the start of the step and the predicted slip u (m/s).

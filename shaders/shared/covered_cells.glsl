@@ -50,7 +50,9 @@ bool covered_cells(
     box_of(contact_patch, triangle, corners, least, greatest);
     first = cell_of(contact_patch, 1 - side, least);
     last = cell_of(contact_patch, 1 - side, greatest);
-    if (any(greaterThan(least, greatest))) return false;
+    // Coordinates that are not finite have no cells.
+    vec3 sum = corners[0] + corners[1] + corners[2];
+    if (any(greaterThan(least, greatest)) || !is_finite(sum.x + sum.y + sum.z)) return false;
     float height = side == 0 ? max(max(corners[0].z, corners[1].z), corners[2].z)
                              : min(min(corners[0].z, corners[1].z), corners[2].z);
     return seen(contact_patch, patch_index, side, least, greatest, height);

@@ -34,7 +34,7 @@ void record_ray_hit(uint hash_entry, bool front, float depth, uint triangle, uin
 uint hit_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint side, uint triangle, uint work_item) {
     ivec2 cell = ivec2(first.x - 1, first.y);
     uint left = uint(last.x - first.x + 1) * uint(last.y - first.y + 1), ended = 0, hash_entry = NONE;
-    while (hash_entry < ALL_ENTRIES || left > 0) {
+    for (uint k = 0; k < MOST_ROUNDS && (hash_entry < ALL_ENTRIES || left > 0); k++) {
         uint at, turns = 0;
         float sum, volume;
         bool is_hit = false;

@@ -27,7 +27,7 @@ bool invert(float a[36], out float inverse[36]) {
             float sum = a[6 * i + j];
             for (int k = 0; k < j; k++) sum -= l[6 * i + k] * l[6 * j + k];
             if (i == j) {
-                if (!(sum > 0.0)) return false;
+                if (is_nan(sum) || sum <= 0.0) return false;
                 l[7 * j] = sqrt(sum);
             } else {
                 l[6 * i + j] = sum / l[7 * j];

@@ -21,9 +21,9 @@ uint bucket_of(ivec2 cell, uint patch_side) {
 uvec2 cell_key(ivec2 cell, uint patch_side) { return uvec2(patch_side, cell.x | cell.y << 16); }
 
 // Cell of a point with coordinates `at` (m) along tangent and bitangent. `precise` puts the same point into the same
-// cell in every shader.
+// cell in every shader; of a division, which need not be rounded correctly, it would not.
 ivec2 cell_of(ContactPatch contact_patch, uint side, vec2 at) {
-    precise vec2 scaled = (at - contact_patch.low) / contact_patch.cell[side];
+    precise vec2 scaled = (at - contact_patch.low) * contact_patch.cells_per_metre[side];
     return ivec2(floor(scaled));
 }
 

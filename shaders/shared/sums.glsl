@@ -10,7 +10,9 @@ layout(constant_id = 30) const bool ONE_SUBGROUP = false;     // set by src/gpu/
 const uint SUM_PARTS = SIZE > 32 ? SIZE / 32 : 1;      // number of parts into which the lanes are divided
 const uint SUM_SHARE = SIZE / SUM_PARTS;               // number of lanes in a part
 
-shared float sums_of_lanes[4 * SUMS * SIZE];
+// A word of padding after each part: lanes read different parts, which would all begin in the same memory bank.
+const uint SUM_STRIDE = SIZE + SUM_PARTS;
+shared float sums_of_lanes[4 * SUMS * SUM_STRIDE];
 shared float sums_of_parts[4 * SUMS * SUM_PARTS];
 
 void workgroup_sums(inout vec4 values[SUMS], uint count) {
@@ -20,11 +22,11 @@ void workgroup_sums(inout vec4 values[SUMS], uint count) {
     }
     uint lane = gl_LocalInvocationID.x, numbers = 4 * count;
     for (uint k = 0; k < count; k++) {
-        for (uint l = 0; l < 4; l++) sums_of_lanes[(4 * k + l) * SIZE + lane] = values[k][l];
+        for (uint l = 0; l < 4; l++) sums_of_lanes[(4 * k + l) * SUM_STRIDE + lane + lane / SUM_SHARE] = values[k][l];
     }
     barrier();
     for (uint at = lane; at < numbers * SUM_PARTS; at += SIZE) {
-        uint first = (at / SUM_PARTS) * SIZE + (at % SUM_PARTS) * SUM_SHARE;
+        uint first = at * (SUM_SHARE + 1);
         float sum = 0.0;
         for (uint k = first; k < first + SUM_SHARE; k++) sum += sums_of_lanes[k];
         sums_of_parts[at] = sum;

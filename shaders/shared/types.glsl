@@ -199,7 +199,7 @@ struct ContactPatch {
     vec3 tangent;
     vec3 bitangent;
     vec2 low, high;             // rectangle along the tangents that the skins of both sides cover, m
-    float cell[2];              // cell size of the spatial hash of a's and of b's vertices, m
+    float cells_per_metre[2];   // 1 / cell size of the spatial hash of a's and of b's vertices, 1/m
     float weight;               // how strongly the bodies' proxies and contacts favour this normal; 0: no such patch
     float turn;                 // angle by which the normal turned since the last step, rad
 };

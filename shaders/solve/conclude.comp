@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
@@ -124,7 +125,7 @@ void main() {
     // All lanes have now read what lane 0 changes below.
     barrier();
     if (lane != 0) return;
-    float norm2 = max(solve.rhs_norm2, 1.0e-38);
+    float norm2 = max(solve.rhs_norm2, LEAST_NORMAL);
     // The magnitude of sums.x is used: a value far below zero is as wrong as one far above zero, and max(sums.x, 0) may
     // hide NaN.
     float residual = solve.rhs_norm2 <= solve.floor_norm2 ? 0.0 : sqrt(abs(sums.x) / norm2);
@@ -158,7 +159,7 @@ void main() {
         // means nothing, or if the residual is above a limit. The limit is low after a breakdown. A solve that merely
         // ran out of iterations is accepted up to the limit DIVERGED: its solution is better than none.
         float all = sums.x + solve.rhs_norm2 + solve.floor_norm2;
-        bool finite = !isnan(all) && !isinf(all);
+        bool finite = is_finite(all);
         if (!finite) {
             flags |= FLAG_NON_FINITE;
             residual = 1.0;

@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 #include "shared/contact_law.glsl"
 
 // Solve: product of the contacts' part of the operator with a change of velocity p: for each contact (h^2 k + h d) a n

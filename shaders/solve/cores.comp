@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 #include "shared/rotation.glsl"
 
 // Solve: preconditioner and right-hand side of dynamic cores (rigid bodies inside soft ones, whose motion the solver

@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 #include "shared/rounding.glsl"
 #include "shared/args.glsl"
 #include "shared/contact_law.glsl"
@@ -87,12 +88,11 @@ struct Projections {
 // Least share of d . A d that lies in a direction of its own; where d is more nearly a multiple of x, it is left out.
 const float LEAST_OWN_SHARE = 1.0e-2;
 
-bool is_finite(float x) { return !isnan(x) && !isinf(x); }
 
 // Factors f and g of the warm start f x + g d. They are zero where the solutions are zero or have overflowed.
 vec2 warm_start_factors(Projections p) {
     float f = p.xb / p.xx;
-    if (!(p.xx > 0.0) || !is_finite(f)) return vec2(0.0);
+    if (is_nan(p.xx) || p.xx <= 0.0 || !is_finite(f)) return vec2(0.0);
     float share = p.xd / p.xx, own = p.dd - p.xd * share;
     float g = (p.db - share * p.xb) / own;
     return own > LEAST_OWN_SHARE * p.dd && is_finite(g) ? vec2(f - share * g, g) : vec2(f, 0.0);

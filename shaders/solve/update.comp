@@ -4,6 +4,7 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
@@ -72,6 +73,7 @@ layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint SUMS = 3;
 
+shared uint status;
 shared float rigid_x[6];
 shared float rigid_u[6];
 shared float group_residuals[6 * WIDEST];
@@ -92,6 +94,19 @@ TWIST_OF(restricted_product)
 struct Scalars {
     float alpha, beta;
 };
+
+// Whether the loop goes on; the same in all lanes of a workgroup, so that all of them reach the same barriers. Variants
+// that do not lead are dispatched in every recorded iteration, also after the loop has ended. In the iteration that
+// ends it the leading variant writes `solve.status` while the others read it; next_scalars returns false in all
+// workgroups then, so it does not matter which value a workgroup reads, but its lanes must agree on one. (Vulkan memory
+// model: without synchronisation between the write and the reads, each read may return either value.)
+bool is_running() {
+    if (LEADS) return true;             // dispatched only while the loop runs
+    if (ONE_SUBGROUP) return subgroupMax(solve.status) == STATUS_RUNNING;
+    if (gl_LocalInvocationID.x == 0) status = solve.status;
+    barrier();
+    return status == STATUS_RUNNING;
+}
 
 // Ends the loop at r . M^-1 r = `gamma`: clears its indirect arguments. Only the first invocation of the variant that
 // LEADS does so.
@@ -131,11 +146,11 @@ bool next_scalars(out Scalars scalars) {
     float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
     // Where the residual grew suddenly, the difference that gives the curvature may be lost to rounding: the search
     // directions then start anew from u.
-    if (scalars.beta > 1.0 && curvature <= 0.0 && !isinf(curvature) && delta > 0.0) {
+    if (scalars.beta > 1.0 && curvature <= 0.0 && is_finite(curvature) && delta > 0.0) {
         scalars.beta = 0.0;
         curvature = delta;
     }
-    bool broken = gamma < 0.0 || !(curvature > 0.0) || isinf(curvature) || isnan(gamma);
+    bool broken = gamma < 0.0 || curvature <= 0.0 || !is_finite(curvature) || is_nan(gamma);
     if (broken || last.count >= params.max_iterations) {
         stop(broken ? STATUS_BROKEN : STATUS_STOPPED, gamma);
         return false;
@@ -269,10 +284,7 @@ void update_free(Block block, vec4 place, CoarseVector coarse_vector, Scalars sc
 
 void main() {
     Scalars scalars;
-    // Variants that do not lead are dispatched in every recorded iteration, also after the loop has ended. In the
-    // iteration that ends the loop the leading variant writes `solve.status` while the others read it; all workgroups
-    // return here, whichever value they read, since next_scalars returns false in all of them.
-    if (solve.status != STATUS_RUNNING || !next_scalars(scalars)) return;
+    if (!is_running() || !next_scalars(scalars)) return;
     if (ROLE == TOOL_ROWS) {
         update_tool(scalars);
         return;

@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared/arrays.glsl"
 #include "shared/types.glsl"
+#include "shared/finite.glsl"
 
 // Wrench: computes the net contact force on the tool (rigid body that the haptic device leads), and the net torque
 // about its centre. The force of a contact consists of the normal force a max(0, k delta + d delta') and friction, both

@@ -531,10 +531,16 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
                 .into(),
         ));
     }
-    let debug = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
+    let offers = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+    let debug = offers(ash::ext::debug_utils::NAME);
+    // Without this extension the loader does not list devices such as MoltenVK's, which lack parts of Vulkan.
+    let portability = offers(ash::khr::portability_enumeration::NAME);
     let mut names: Vec<*const c_char> = Vec::new();
     if debug {
         names.push(ash::ext::debug_utils::NAME.as_ptr());
+    }
+    if portability {
+        names.push(ash::khr::portability_enumeration::NAME.as_ptr());
     }
     // Without this setting newer versions of the layer overlook what shaders read and write.
     let on = vk::TRUE;
@@ -557,8 +563,7 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
     if has_settings {
         names.push(ash::ext::layer_settings::NAME.as_ptr());
     }
-    let lacking =
-        options.display.iter().find(|name| !extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(**name)));
+    let lacking = options.display.iter().find(|name| !offers(name));
     if let Some(name) = lacking {
         let name = name.to_string_lossy();
         return Err(Error::NoDevice(format!(
@@ -575,7 +580,12 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
     let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
     let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
     let mut messenger = messages.create_info();
+    let flags = match portability {
+        true => vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR,
+        false => vk::InstanceCreateFlags::empty(),
+    };
     let mut info = vk::InstanceCreateInfo::default()
+        .flags(flags)
         .application_info(&application)
         .enabled_layer_names(&layer_names)
         .enabled_extension_names(&names);
@@ -615,8 +625,11 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
         .dynamic_rendering(true)
         .maintenance4(true)
         .compute_full_subgroups(chosen.full_subgroups);
-    let wanted =
-        [(chosen.external_memory_fd, ash::khr::external_memory_fd::NAME), (presents, ash::khr::swapchain::NAME)];
+    let wanted = [
+        (chosen.external_memory_fd, ash::khr::external_memory_fd::NAME),
+        (presents, ash::khr::swapchain::NAME),
+        (chosen.portability_subset, ash::khr::portability_subset::NAME),
+    ];
     let extensions: Vec<_> = wanted.iter().filter(|(is, _)| *is).map(|(_, name)| name.as_ptr()).collect();
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)

@@ -54,6 +54,8 @@ pub(super) struct Candidate {
     pub fragment_stores: bool,
     pub external_memory_fd: bool,
     pub swapchain: bool,
+    /// Whether the device lacks parts of Vulkan; such a device must be opened with VK_KHR_portability_subset.
+    pub portability_subset: bool,
     pub properties: vk::PhysicalDeviceProperties,
     pub cache_key: String,
 }
@@ -171,6 +173,7 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         fragment_stores: features.fragment_stores,
         external_memory_fd: offers(ash::khr::external_memory_fd::NAME) && exports_buffers(instance, physical),
         swapchain: offers(ash::khr::swapchain::NAME),
+        portability_subset: offers(ash::khr::portability_subset::NAME),
         properties,
         cache_key: format!("{}-{}", hex(&ids.device_uuid), hex(&ids.driver_uuid)),
     }

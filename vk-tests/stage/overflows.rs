@@ -62,7 +62,7 @@ fn what_a_driver_leaves_out_of_long_loops_is_flagged() {
             |k: u32| [(-3.0, -1.0), (3.0, -1.0), (0.0, 3.0)].map(|(x, y)| DVec3::new(x, y, -f64::from(k) / 100.0));
         let sheets: Mesh =
             ((0..layers).flat_map(layer).collect(), (0..layers).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect());
-        let fine = ContactPatch { cell: [1.0 / 64.0; 2], ..axes };
+        let fine = ContactPatch { cells_per_metre: [64.0; 2], ..axes };
         found_or_flagged(&format!("{layers} sheets"), meshes([&points, &sheets], &[fine]), 200 * layers as usize);
     }
 }

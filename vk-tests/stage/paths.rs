@@ -218,8 +218,8 @@ fn compare(body: Body, tool: &Body, poses: usize, texels: &[f32]) -> (usize, f32
             .iter()
             .filter(|contact_patch| contact_patch.weight > 0.0)
         {
-            let cell = contact_patch.cell[0].min(contact_patch.cell[1]);
-            let along = |k: usize| (contact_patch.high[k] - contact_patch.low[k]) / cell;
+            let cells = contact_patch.cells_per_metre[0].max(contact_patch.cells_per_metre[1]);
+            let along = |k: usize| (contact_patch.high[k] - contact_patch.low[k]) * cells;
             squares = squares.max(along(0)).max(along(1));
         }
     }

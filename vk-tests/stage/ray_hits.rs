@@ -97,7 +97,16 @@ pub fn contact_patch(normal: DVec3, half: f32, cell: f32) -> ContactPatch {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let [normal, tangent, bitangent] = [normal, tangent, bitangent].map(|axis| axis.as_vec3().to_array());
     let (low, high) = ([-half; 2], [half; 2]);
-    ContactPatch { normal, tangent, bitangent, low, high, cell: [cell, 1.7 * cell], weight: 1.0, turn: 0.0 }
+    ContactPatch {
+        normal,
+        tangent,
+        bitangent,
+        low,
+        high,
+        cells_per_metre: [1.0 / cell, 1.0 / (1.7 * cell)],
+        weight: 1.0,
+        turn: 0.0,
+    }
 }
 
 /// For each hash entry its vertex and the number 2 * patch + side, computed from the chunks; `NONE` for unused entries.
@@ -159,8 +168,8 @@ fn check_hash_entries(flow: &Flow) -> usize {
                 assert!(DVec3::from_array(stored).distance(at) < EDGE, "stored position {stored:?}, expected {at}");
                 // Whatever the hash function is, vertices of one cell must lie in one bucket.
                 let square = |k: usize| {
-                    let (low, cell) = (contact_patch.low[k], contact_patch.cell[side]);
-                    ((f32::from_bits(flow.hash_entries[hash_entry][k]) - low) / cell).floor() as i32
+                    let (low, cells) = (contact_patch.low[k], contact_patch.cells_per_metre[side]);
+                    ((f32::from_bits(flow.hash_entries[hash_entry][k]) - low) * cells).floor() as i32
                 };
                 let grid = |k: usize| {
                     let size = (contact_patch.high[k] - contact_patch.low[k]) / 16.0;
