@@ -26,6 +26,8 @@ const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 const GROUP_SIZE: u32 = 64;
 /// Workgroup size, invocations, on a GPU, of kernels whose invocations synchronise at barriers.
 const REDUCE_SIZE: u32 = 128;
+/// The sizes that may be asked for instead.
+const REDUCE_SIZES: std::ops::RangeInclusive<u32> = 8..=256;
 /// Size of the blocks in which memory is requested from the driver, bytes.
 const MEMORY_BLOCK: u64 = 16 << 20;
 
@@ -73,6 +75,9 @@ pub struct Options {
     pub arrays: Option<Arrays>,
     /// Upper limit for the number of elements of a texel buffer, where it is below the device's own limit. For tests.
     pub texel_elements: Option<u32>,
+    /// Number of invocations in a workgroup of kernels whose invocations synchronise: a power of two from 8 to 256.
+    /// `None`: one subgroup on a CPU, 128 on any other device. So kernels can be run on a CPU at the sizes of a GPU.
+    pub workgroup: Option<u32>,
     /// Receives the engine's messages. A log with a receiver also gets the validation layer's messages, which are then
     /// not kept for [`Context::validation_messages`].
     pub log: Log,
@@ -85,10 +90,13 @@ impl Options {
         cache::user_folder()
     }
 
-    /// The options with which the `palpate` program opens a device: with the user's cache folder, and with measurements
-    /// (see [`Options::measure`]).
+    /// The options with which the `palpate` program opens a device: with the user's cache folder, with measurements
+    /// (see [`Options::measure`]), and with the size of workgroups that the environment variable `PALPATE_WORKGROUP`
+    /// gives.
     pub fn of_program() -> Options {
-        Options { cache: Options::user_cache(), measure: true, ..Options::default() }
+        // What is no number becomes 0, a size that is refused when the device is opened.
+        let workgroup = std::env::var("PALPATE_WORKGROUP").ok().map(|text| text.parse().unwrap_or_default());
+        Options { cache: Options::user_cache(), measure: true, workgroup, ..Options::default() }
     }
 }
 
@@ -113,6 +121,7 @@ pub struct Context {
     pub(super) allocated: AtomicU64,
     info: DeviceInfo,
     subgroup_size: u32,
+    reduce_size: u32,
     full_subgroups: bool,
     int64_atomics: bool,
     fragment_stores: bool,
@@ -205,6 +214,13 @@ impl Context {
     }
 
     fn of(mut opened: Opened, chosen: Candidate, options: &Options) -> Result<Arc<Context>> {
+        let reduce_size = match reduce_size(&chosen, options.workgroup) {
+            Ok(size) => size,
+            Err(error) => {
+                opened.close();
+                return Err(error);
+            }
+        };
         let made = create_allocator(&opened, &chosen).and_then(|allocator| {
             let cache = create_cache(&opened.device, options.cache.as_deref(), &chosen.cache_key)?;
             Ok((allocator, cache))
@@ -243,6 +259,7 @@ impl Context {
             allocated: AtomicU64::new(0),
             info: chosen.info,
             subgroup_size: chosen.subgroup_size,
+            reduce_size,
             full_subgroups: chosen.full_subgroups,
             int64_atomics: chosen.int64_atomics,
             fragment_stores: chosen.fragment_stores,
@@ -297,7 +314,7 @@ impl Context {
     /// is the subgroup size: a workgroup is then one SIMD vector, and needs no barriers for sums.
     #[doc(hidden)]
     pub fn reduce_size(&self) -> u32 {
-        if self.info.kind == DeviceKind::Cpu { self.subgroup_size.max(1) } else { REDUCE_SIZE }
+        self.reduce_size
     }
 
     /// Whether a workgroup of this size is one subgroup, in which all lanes are in use, and may add over the subgroup.
@@ -639,6 +656,24 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
         .push_next(&mut v13);
     // SAFETY: the device has the features to be enabled (checked in device.rs); every pointer lives through the call.
     unsafe { instance.create_device(chosen.physical, &info, None) }.map_err(failed("vkCreateDevice", "set-up"))
+}
+
+/// Workgroup size of kernels whose invocations synchronise at barriers, on a device; `asked`: the size asked for.
+fn reduce_size(chosen: &Candidate, asked: Option<u32>) -> Result<u32> {
+    let limits = &chosen.properties.limits;
+    let most = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
+    match asked {
+        None if chosen.info.kind == DeviceKind::Cpu => Ok(chosen.subgroup_size.max(1)),
+        None => Ok(REDUCE_SIZE),
+        Some(size) if REDUCE_SIZES.contains(&size) && size.is_power_of_two() && size <= most => Ok(size),
+        Some(size) => Err(Error::Usage(format!(
+            "workgroups of {size} invocations are not possible: give a power of two from {} to {} (--workgroup, or the \
+             environment variable PALPATE_WORKGROUP); {} allows up to {most}",
+            REDUCE_SIZES.start(),
+            REDUCE_SIZES.end(),
+            chosen.info.name
+        ))),
+    }
 }
 
 fn create_cache(device: &ash::Device, folder: Option<&Path>, key: &str) -> Result<vk::PipelineCache> {

@@ -58,6 +58,10 @@ pub struct Arguments {
     /// Greatest number of elements of a texel buffer, below the device's own limit: imitates a less capable device
     #[arg(long, value_name = "N")]
     texel_elements: Option<u32>,
+    /// Number of invocations in a workgroup of GPU kernels whose invocations synchronise, a power of two from 8 to 256
+    /// [default: the environment variable PALPATE_WORKGROUP; else one subgroup on a CPU, 128 elsewhere]
+    #[arg(long, value_name = "N")]
+    workgroup: Option<u32>,
     /// Worker threads of Mesa's CPU driver lavapipe, unless the environment variable LP_NUM_THREADS is set: a number,
     /// "auto" (none below 17000 tetrahedra, else the driver's default) or "driver" (the driver's default)
     #[arg(long, value_name = "N", default_value = "auto", value_parser = lavapipe_threads)]
@@ -101,13 +105,15 @@ pub struct Arguments {
 
 impl Arguments {
     fn device_options(&self) -> Options {
+        let program = Options::of_program();
         let arrays = self.arrays.as_ref().and_then(|name| ARRAYS.iter().find(|(known, _)| known == name));
         Options {
             device: self.device.clone(),
             arrays: arrays.map(|(_, arrays)| *arrays),
             texel_elements: self.texel_elements,
             threads: self.threads.0,
-            ..Options::of_program()
+            workgroup: self.workgroup.or(program.workgroup),
+            ..program
         }
     }
 }
