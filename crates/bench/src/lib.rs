@@ -12,6 +12,7 @@ pub mod meshes;
 pub mod paper;
 pub mod proximity;
 pub mod samples;
+pub mod selftest;
 pub mod solver;
 pub mod stability;
 pub mod suite;

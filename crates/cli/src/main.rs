@@ -18,6 +18,7 @@ mod reference;
 mod replay;
 mod report;
 mod run;
+mod selftest;
 mod stability;
 #[cfg(feature = "view")]
 mod view;
@@ -48,6 +49,8 @@ enum Command {
     Query(query::Arguments),
     /// Run benchmarks and write their report
     Bench(bench::Arguments),
+    /// Check that a Vulkan device computes what it should, and measure what a pass and a submit cost
+    Selftest(selftest::Arguments),
     /// Run stiff and extreme cases, and check that each keeps the invariants of a simulation
     Stability(stability::Arguments),
     /// Render a scene as a film or as a folder of images, without a display
@@ -74,6 +77,7 @@ fn main() -> ExitCode {
         Command::Prepare(arguments) => prepare::prepare(&arguments),
         Command::Query(arguments) => query::query(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
+        Command::Selftest(arguments) => selftest::selftest(&arguments),
         Command::Stability(arguments) => stability::stability(&arguments),
         #[cfg(feature = "view")]
         Command::Film(arguments) => film::film(&arguments),
