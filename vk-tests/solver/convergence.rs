@@ -90,7 +90,7 @@ fn iterations(layer: Layer, dt: f32) -> usize {
 }
 
 /// Greatest allowed number of iterations for a cube of 10,368 tetrahedra in a step of 1 ms.
-const BLOCK: usize = 35;
+const BLOCK: usize = 40;
 /// Greatest allowed ratio of the number of iterations for a cube of ten times as many tetrahedra to the number for the
 /// cube of 10,368 tetrahedra.
 const GROWTH: usize = 2;

@@ -50,7 +50,8 @@ fn scenes(results: &Results) -> Section {
     Section {
         title: "Shipped scenes".into(),
         question: "Do the shipped scenes give the forces, or without a tool the displacements, that are pinned? Their \
-                   first 60 steps, solved to 1e-6, so that a step takes longer than with the scene's own settings."
+                   first 60 steps (of held-pad 260), solved to 1e-6, so that a step takes longer than with the \
+                   scene's own settings."
             .into(),
         table: Table {
             rows: results.scenes.iter().map(row).collect(),

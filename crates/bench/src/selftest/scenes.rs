@@ -7,22 +7,21 @@ use std::sync::Arc;
 use palpate::{Context, Error, Flags, Result, Scene, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 
-/// Name and text of each shipped scene.
-const SCENES: [(&str, &str); 9] = [
-    ("touch-head", include_str!("../../../../assets/scenes/touch-head.toml")),
-    ("touch-human", include_str!("../../../../assets/scenes/touch-human.toml")),
-    ("two-heads", include_str!("../../../../assets/scenes/two-heads.toml")),
-    ("gears", include_str!("../../../../assets/scenes/gears.toml")),
-    ("pumpkins", include_str!("../../../../assets/scenes/pumpkins.toml")),
-    ("press-gear", include_str!("../../../../assets/scenes/press-gear.toml")),
-    ("press-pumpkin", include_str!("../../../../assets/scenes/press-pumpkin.toml")),
-    ("held-pad", include_str!("../../../../assets/scenes/held-pad.toml")),
-    ("pose-human", include_str!("../../../../assets/scenes/pose-human.toml")),
+/// Name and text of each shipped scene, and the number of steps after which it has contact.
+const SCENES: [(&str, &str, u64); 9] = [
+    ("touch-head", include_str!("../../../../assets/scenes/touch-head.toml"), 60),
+    ("touch-human", include_str!("../../../../assets/scenes/touch-human.toml"), 60),
+    ("two-heads", include_str!("../../../../assets/scenes/two-heads.toml"), 60),
+    ("gears", include_str!("../../../../assets/scenes/gears.toml"), 60),
+    ("pumpkins", include_str!("../../../../assets/scenes/pumpkins.toml"), 60),
+    ("press-gear", include_str!("../../../../assets/scenes/press-gear.toml"), 60),
+    ("press-pumpkin", include_str!("../../../../assets/scenes/press-pumpkin.toml"), 60),
+    ("held-pad", include_str!("../../../../assets/scenes/held-pad.toml"), 260),
+    ("pose-human", include_str!("../../../../assets/scenes/pose-human.toml"), 60),
 ];
 const SKELETON: &str = include_str!("../../../../assets/human-skeleton.toml");
-/// Number of steps of a scene, and from which on, and every how many of these, values are pinned.
-const STEPS: u64 = 60;
-const FROM: u64 = 40;
+/// Of the last so many steps of a scene, every so-many-eth is pinned.
+const LAST: u64 = 20;
 const EVERY: u64 = 5;
 /// The solver's tolerance: small, so that results depend little on when a driver's rounding lets it stop.
 const TOLERANCE: f64 = 1e-6;
@@ -64,7 +63,7 @@ pub fn pinned() -> Vec<Pinned> {
 
 /// What the shipped scenes give on a device, to be pinned.
 pub fn record(context: &Arc<Context>) -> Result<Vec<Pinned>> {
-    SCENES.iter().map(|(name, _)| Ok(ran(context, name)?.0)).collect()
+    SCENES.iter().map(|(name, ..)| Ok(ran(context, name)?.0)).collect()
 }
 
 /// Runs a scene and compares it with what is pinned.
@@ -90,19 +89,20 @@ pub fn agreement(context: &Arc<Context>, pinned: &Pinned) -> Result<Agreement> {
 }
 
 fn ran(context: &Arc<Context>, name: &str) -> Result<(Pinned, Vec<StepReport>)> {
-    let mut simulation = Simulation::on_device(context, &scene(name)?)?;
-    let rows: Vec<StepReport> = (0..STEPS).map(|_| simulation.step()).collect::<Result<_>>()?;
+    let (scene, steps) = scene(name)?;
+    let mut simulation = Simulation::on_device(context, &scene)?;
+    let rows: Vec<StepReport> = (0..steps).map(|_| simulation.step()).collect::<Result<_>>()?;
     let start: Vec<f64> = rows[0].probes.iter().flat_map(|x| x.to_array()).collect();
     let value = |row: &StepReport| match &row.tool {
         Some(tool) => tool.force.to_array().to_vec(),
         None => row.probes.iter().flat_map(|x| x.to_array()).zip(&start).map(|(x, start)| x - start).collect(),
     };
-    let pinned = rows.iter().filter(|row| row.step >= FROM && row.step % EVERY == 0);
+    let pinned = rows.iter().filter(|row| row.step + LAST >= steps && row.step % EVERY == 0);
     Ok((Pinned { scene: name.into(), values: pinned.map(value).collect() }, rows))
 }
 
-/// A shipped scene with a tight tolerance.
-fn scene(name: &str) -> Result<Scene> {
+/// A shipped scene with a tight tolerance, and its number of steps.
+fn scene(name: &str) -> Result<(Scene, u64)> {
     let folder = tempfile::tempdir().map_err(|source| Error::Output { file: "a temporary folder".into(), source })?;
     let scenes = folder.path().join("scenes");
     let write = |file: &Path, text: &str| {
@@ -111,11 +111,12 @@ fn scene(name: &str) -> Result<Scene> {
     fs::create_dir(&scenes).map_err(|source| Error::Output { file: scenes.clone(), source })?;
     write(&folder.path().join("human-skeleton.toml"), SKELETON)?;
     let file = scenes.join(format!("{name}.toml"));
-    let text = SCENES.iter().find(|(known, _)| *known == name).map_or("", |(_, text)| text);
+    let known = SCENES.iter().find(|(known, ..)| *known == name);
+    let Some((_, text, steps)) = known else { return Err(Error::Usage(format!("{name} is no shipped scene"))) };
     write(&file, text)?;
     let mut scene = Scene::load(&file)?;
     scene.solver.tolerance = Some(TOLERANCE);
-    Ok(scene)
+    Ok((scene, *steps))
 }
 
 #[cfg(test)]
@@ -125,8 +126,8 @@ mod tests {
     #[test]
     fn every_shipped_scene_is_pinned() {
         let names: Vec<String> = pinned().into_iter().map(|pinned| pinned.scene).collect();
-        assert_eq!(names, SCENES.map(|(name, _)| name));
-        let values = ((STEPS - FROM) / EVERY + 1) as usize;
+        assert_eq!(names, SCENES.map(|(name, ..)| name));
+        let values = (LAST / EVERY + 1) as usize;
         for pinned in pinned() {
             assert!(pinned.values.len() == values && pinned.values.iter().flatten().any(|x| *x != 0.0));
             scene(&pinned.scene).unwrap();

@@ -51,9 +51,10 @@ pub fn repeats(context: &Arc<Context>) -> Result<(usize, bool)> {
 /// Compares the choices with those of the device itself.
 pub fn compare(options: &Options, watch: &mut dyn FnMut(&str)) -> Result<Vec<Variant>> {
     let scene = scene()?;
-    let own = {
+    let (own, has_texel, has_storage) = {
         let context = Context::open(options)?;
-        forces(&context, &scene, STEPS)?
+        let has_storage = context.storage_buffers() >= palpate::internal::shaders::MOST_STORAGE_BUFFERS;
+        (forces(&context, &scene, STEPS)?, context.has_large_texel_buffers(), has_storage)
     };
     let greatest = own.iter().map(|force| force.length()).fold(0.0, f64::max);
     let larger = |a: f64, b: f64| if a >= b { a } else { b };
@@ -74,7 +75,8 @@ pub fn compare(options: &Options, watch: &mut dyn FnMut(&str)) -> Result<Vec<Var
         scene.contact.depth = Some(path);
         add(format!("the {name} path of the depth stage"), options, &scene)?;
     }
-    for (name, arrays) in [("texel", Arrays::Texel), ("storage", Arrays::Storage)] {
+    let kinds = [("texel", Arrays::Texel, has_texel), ("storage", Arrays::Storage, has_storage)];
+    for (name, arrays, _) in kinds.into_iter().filter(|(.., has)| *has) {
         add(format!("{name} buffers"), &Options { arrays: Some(arrays), ..options.clone() }, &scene)?;
     }
     for size in WORKGROUPS {
