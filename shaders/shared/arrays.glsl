@@ -3,8 +3,11 @@
 // devices whose texel buffers hold too few elements. The host (CPU side) picks one version for its device.
 
 #ifdef TEXEL_ARRAYS
-#define READ_ONLY_vec4(array) uniform samplerBuffer array
-#define READ_ONLY_uvec4(array) uniform usamplerBuffer array
+// Without this extension GLSL has texel buffers as sampled images only, which SPIR-V 1.6 forbids and SwiftShader does
+// not know.
+#extension GL_EXT_samplerless_texture_functions : require
+#define READ_ONLY_vec4(array) uniform textureBuffer array
+#define READ_ONLY_uvec4(array) uniform utextureBuffer array
 #define fetch(array, index) texelFetch(array, int(index))
 #else
 #define READ_ONLY_vec4(array) layout(scalar) readonly buffer array##_block { vec4 array[]; }

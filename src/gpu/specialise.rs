@@ -31,8 +31,8 @@ struct Flow<'a> {
     functions: HashMap<u32, Range<usize>>,
     /// Ids of the values inside functions that propagation evaluates; all others there are known only at run time.
     evaluated: HashSet<u32>,
-    /// Ids of the sampled image types: the types of texel buffers.
-    sampled_images: HashSet<u32>,
+    /// Ids of the image types: the types of texel buffers.
+    images: HashSet<u32>,
     /// Ids of the functions that are called.
     called: HashSet<u32>,
     /// Ids of the labels of the basic blocks that can run.
@@ -84,11 +84,10 @@ const LABEL: u32 = 248;
 const BRANCH: u32 = 249;
 const BRANCH_CONDITIONAL: u32 = 250;
 const SWITCH: u32 = 251;
-const TYPE_SAMPLED_IMAGE: u32 = 27;
+const TYPE_IMAGE: u32 = 25;
 const PTR_ACCESS_CHAIN: u32 = 67;
 const IMAGE_TEXEL_POINTER: u32 = 60;
 const IMAGE_QUERY_SIZE: u32 = 104;
-const IMAGE: u32 = 100;
 const IMAGE_FETCH: u32 = 95;
 const ATOMIC_STORE: u32 = 228;
 /// Opcode of the first atomic instruction. All atomic instructions but `ATOMIC_STORE` return a value.
@@ -211,7 +210,7 @@ impl<'a> Flow<'a> {
             values: HashMap::new(),
             functions: HashMap::new(),
             evaluated: HashSet::new(),
-            sampled_images: HashSet::new(),
+            images: HashSet::new(),
             called: HashSet::new(),
             running: HashSet::new(),
             ways: HashMap::new(),
@@ -251,12 +250,12 @@ impl<'a> Flow<'a> {
         }
     }
 
-    /// Fills `functions` and `evaluated`, and notes the sampled image types and the entry point's function.
+    /// Fills `functions` and `evaluated`, and notes the image types and the entry point's function.
     fn find_functions(&mut self) {
         let mut begun = None;
         for (at, instruction) in self.instructions.iter().enumerate() {
             match (instruction.opcode, instruction.operands) {
-                (TYPE_SAMPLED_IMAGE, [id, ..]) => drop(self.sampled_images.insert(*id)),
+                (TYPE_IMAGE, [id, ..]) => drop(self.images.insert(*id)),
                 (ENTRY_POINT, [_, main, ..]) => drop(self.called.insert(*main)),
                 (FUNCTION, [_, id, ..]) => begun = Some((*id, at)),
                 (FUNCTION_END, _) => self.functions.extend(begun.take().map(|(id, from)| (id, from..at))),
@@ -440,13 +439,13 @@ impl<'a> Flow<'a> {
                     out.extend(entry[1..].iter().chain(&kept));
                 }
                 (NAME | DECORATE | STORE | ATOMIC_STORE, [id, ..]) | (VARIABLE, [_, id, ..]) if gone.contains(id) => {}
-                (ACCESS_CHAIN | IN_BOUNDS_ACCESS_CHAIN | IMAGE, [_, id, from, ..]) if gone.contains(from) => {
+                (ACCESS_CHAIN | IN_BOUNDS_ACCESS_CHAIN, [_, id, from, ..]) if gone.contains(from) => {
                     gone.insert(*id);
                 }
                 // A load from a removed buffer gives a value, which becomes undefined; a load of a removed texel buffer
-                // gives the buffer's sampled image, whose id is removed as well.
+                // gives the buffer's image, whose id is removed as well.
                 (LOAD, [ty, id, from, ..]) if gone.contains(from) => {
-                    if self.sampled_images.contains(ty) {
+                    if self.images.contains(ty) {
                         gone.insert(*id);
                     } else {
                         out.extend([UNDEFINED_WORDS, *ty, *id]);

@@ -13,9 +13,9 @@ pub enum BindingKind {
     Storage,
     /// `uniform` block.
     Uniform,
-    /// `samplerBuffer`: four floats an element.
+    /// `textureBuffer`: four floats an element.
     TexelFloat,
-    /// `usamplerBuffer`: four unsigned integers an element.
+    /// `utextureBuffer`: four unsigned integers an element.
     TexelUint,
 }
 
@@ -84,7 +84,7 @@ pub fn renumber(words: &mut [u32], bindings: &[Binding]) -> Result<(), String> {
     Ok(())
 }
 
-/// A type of the module; the fields `of`, `to`, `image`, `sampled` and `members` are ids of types.
+/// A type of the module; the fields `of`, `to`, `sampled` and `members` are ids of types.
 #[derive(Debug, Clone)]
 enum Type {
     Bool,
@@ -96,7 +96,6 @@ enum Type {
     RuntimeArray,
     Struct { members: Vec<u32> },
     BufferImage { sampled: u32 },
-    SampledImage { image: u32 },
     Pointer { to: u32 },
 }
 
@@ -234,7 +233,6 @@ impl Module {
             (25, [id, sampled, 5, _, _, _, 1, ..]) => {
                 drop(self.types.insert(*id, Type::BufferImage { sampled: *sampled }))
             }
-            (27, [id, image]) => drop(self.types.insert(*id, Type::SampledImage { image: *image })),
             (28, [id, of, length]) => {
                 let length = self.constants.get(length).copied().unwrap_or(0);
                 self.types.insert(*id, Type::Array { of: *of, length });
@@ -260,7 +258,7 @@ impl Module {
             STORAGE_BUFFER => BindingKind::Storage,
             STORAGE_UNIFORM if self.marks.get(&ty).is_some_and(|m| m.block) => BindingKind::Uniform,
             _ => self.texel_kind(ty).ok_or_else(|| {
-                format!("{name} is neither a buffer block, a uniform block, a samplerBuffer nor a usamplerBuffer")
+                format!("{name} is neither a buffer block, a uniform block, a textureBuffer nor a utextureBuffer")
             })?,
         };
         let all = |mark: fn(&Marks) -> bool| match self.types.get(&ty) {
@@ -289,7 +287,6 @@ impl Module {
 
     fn texel_kind(&self, ty: u32) -> Option<BindingKind> {
         match self.types.get(&ty)? {
-            Type::SampledImage { image } => self.texel_kind(*image),
             Type::BufferImage { sampled } => match self.types.get(sampled)? {
                 Type::Float { bytes: 4 } => Some(BindingKind::TexelFloat),
                 Type::Int { bytes: 4, signed: false } => Some(BindingKind::TexelUint),

@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Runs the tests of single kernels and the self-test on a second Vulkan driver, SwiftShader, which runs on processors too
+# but shares no code with Mesa's lavapipe. Debian's package chromium-common carries it; it is unpacked below target/ and
+# not installed.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+folder=$PWD/target/swiftshader
+driver=$folder/usr/lib/chromium/vk_swiftshader_icd.json
+if [ ! -e "$driver" ]; then
+    mkdir -p "$folder"
+    (cd "$folder" && apt-get download -qq chromium-common)
+    dpkg-deb -x "$folder"/chromium-common_*.deb "$folder"
+fi
+# The loader's name of this variable before 1.3.207 was the second.
+export VK_DRIVER_FILES=$driver VK_ICD_FILENAMES=$driver
+
+cargo test --release --test vk-tests -- stage:: solver::
+cargo run --release -- selftest --out target/selftest-swiftshader
