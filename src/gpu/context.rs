@@ -214,18 +214,12 @@ impl Context {
     }
 
     fn of(mut opened: Opened, chosen: Candidate, options: &Options) -> Result<Arc<Context>> {
-        let reduce_size = match reduce_size(&chosen, options.workgroup) {
-            Ok(size) => size,
-            Err(error) => {
-                opened.close();
-                return Err(error);
-            }
-        };
-        let made = create_allocator(&opened, &chosen).and_then(|allocator| {
+        let made = reduce_size(&chosen, options.workgroup).and_then(|reduce_size| {
+            let allocator = create_allocator(&opened, &chosen)?;
             let cache = create_cache(&opened.device, options.cache.as_deref(), &chosen.cache_key)?;
-            Ok((allocator, cache))
+            Ok((reduce_size, allocator, cache))
         });
-        let (allocator, cache) = match made {
+        let (reduce_size, allocator, cache) = match made {
             Ok(made) => made,
             Err(error) => {
                 opened.close();

@@ -302,3 +302,17 @@ fn draws_that_cannot_be_are_refused() {
     assert!(fails(&[("rectangles", &a), ("raster_cells", &a)], &[0; 4], 0, 8).contains("writes a"));
     assert_clean(context, "refused draws");
 }
+
+#[test]
+fn a_workgroup_of_a_size_that_kernels_do_not_know_is_refused() {
+    let open = |size: u32| {
+        let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+        Context::open(&Options { device, workgroup: Some(size), ..Options::default() })
+    };
+    for size in [0, 4, 24, 512] {
+        let Err(error) = open(size) else { panic!("workgroups of {size} were accepted") };
+        assert!(error.to_string().starts_with(&format!("workgroups of {size} ")), "wrong error: {error}");
+        assert_eq!(error.exit_status(), 2);
+    }
+    assert_eq!(open(64).unwrap().reduce_size(), 64);
+}
