@@ -192,7 +192,7 @@ impl Simulation {
     fn step_to(&mut self, time: f64, h: f64) -> Result<StepReport> {
         let begun = Instant::now();
         self.step += 1;
-        self.last_work = StepWork { device_us: self.is_timed().then_some(0.0), ..StepWork::default() };
+        self.last_work = StepWork { gpu_us: self.is_timed().then_some(0.0), ..StepWork::default() };
         let report = self.advance(time - h, h, MOST_HALVINGS)?;
         self.time = time;
         // A frozen step, in which no attempt succeeded, leaves the forces of a solve that was not accepted.

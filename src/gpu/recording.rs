@@ -296,7 +296,7 @@ impl Recording {
 
     /// Time from the start of the recording's first timer to its end in its last run, microseconds; 0 before the first
     /// run, and if nothing was timed.
-    pub fn device_us(&self) -> f64 {
+    pub fn gpu_us(&self) -> f64 {
         self.stage_times().iter().map(|(_, us)| us).sum()
     }
 

@@ -258,7 +258,7 @@ impl Simulation {
                 submits: 1,
                 planned_iterations: *planned,
                 dependent_passes: parts.iter().map(|part| part.dependent_passes()).sum(),
-                device_us: timed.then(|| parts.iter().map(|part| part.device_us()).sum()),
+                gpu_us: timed.then(|| parts.iter().map(|part| part.gpu_us()).sum()),
             };
             if timed {
                 parts.iter().for_each(|part| add_by_name(&mut times, part.stage_times()));

@@ -56,7 +56,7 @@ pub struct StepWork {
     pub dependent_passes: u32,
     /// Time from the first to the last pass of each submit, all submits together, microseconds; `None` where the step
     /// was not timed.
-    pub device_us: Option<f64>,
+    pub gpu_us: Option<f64>,
 }
 
 impl std::ops::AddAssign for StepWork {
@@ -65,7 +65,7 @@ impl std::ops::AddAssign for StepWork {
         self.submits += other.submits;
         self.planned_iterations += other.planned_iterations;
         self.dependent_passes += other.dependent_passes;
-        self.device_us = self.device_us.zip(other.device_us).map(|(a, b)| a + b);
+        self.gpu_us = self.gpu_us.zip(other.gpu_us).map(|(a, b)| a + b);
     }
 }
 

@@ -264,21 +264,21 @@ fn passes_are_timed_by_kernel_and_counted() {
         assert!(count >= least, "{what} ran {count} times in 5 steps, {least} at least expected");
     }
     for (row, plain) in rows.iter().zip(&plain_rows) {
-        let StepWork { solves, submits, planned_iterations, dependent_passes, device_us } = row.work;
+        let StepWork { solves, submits, planned_iterations, dependent_passes, gpu_us } = row.work;
         assert!(solves >= 1 && submits >= solves, "{:?}", row.work);
         assert!(planned_iterations >= row.iterations, "{:?} for {} iterations", row.work, row.iterations);
-        assert_eq!(StepWork { device_us: None, ..row.work }, StepWork { device_us: None, ..plain.work });
+        assert_eq!(StepWork { gpu_us: None, ..row.work }, StepWork { gpu_us: None, ..plain.work });
         // An iteration has two passes at least.
         assert!(dependent_passes > 2 * planned_iterations, "{:?}", row.work);
         assert!(
-            device_us.is_some_and(|us| us > 0.0 && us < row.step_us),
+            gpu_us.is_some_and(|us| us > 0.0 && us < row.step_us),
             "{:?} in a step of {} us",
             row.work,
             row.step_us
         );
     }
     let sum = times.iter().map(|(_, us)| us).sum::<f64>();
-    let last = rows[rows.len() - 1].work.device_us.unwrap();
+    let last = rows[rows.len() - 1].work.gpu_us.unwrap();
     assert!((sum / last - 1.0).abs() < 1e-9, "passes take {sum} us, the step {last} us on the device");
 }
 

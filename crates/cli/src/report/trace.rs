@@ -8,12 +8,12 @@ const HEAD: &str = "step,time_s,tool_x,tool_y,tool_z,tool_qx,tool_qy,tool_qz,too
 device_qx,device_qy,device_qz,device_qw,force_x,force_y,force_z,torque_x,torque_y,torque_z,contacts,max_depth_m,\
 iterations,residual,flags,step_us";
 /// Columns after the probes: what the step asked of the GPU.
-const WORK: &str = ",solves,submits,planned_iterations,dependent_passes,device_us";
+const WORK: &str = ",solves,submits,planned_iterations,dependent_passes,gpu_us";
 /// Number of columns that a scene without a tool leaves empty: poses of tool and device, force and torque.
 const TOOL_COLUMNS: usize = 20;
 
 /// Writes step reports as rows of CSV. Each number has the shortest form that is read back as the same f64, except
-/// `step_us` and `device_us`, which have one decimal.
+/// `step_us` and `gpu_us`, which have one decimal.
 pub struct Trace<W: Write> {
     writer: W,
     probes: usize,
@@ -53,9 +53,9 @@ impl<W: Write> Trace<W> {
         for probe in &row.probes {
             write_numbers(w, &probe.to_array())?;
         }
-        let StepWork { solves, submits, planned_iterations, dependent_passes, device_us } = row.work;
-        let device_us = device_us.map(|us| format!("{us:.1}")).unwrap_or_default();
-        writeln!(w, ",{solves},{submits},{planned_iterations},{dependent_passes},{device_us}")
+        let StepWork { solves, submits, planned_iterations, dependent_passes, gpu_us } = row.work;
+        let gpu_us = gpu_us.map(|us| format!("{us:.1}")).unwrap_or_default();
+        writeln!(w, ",{solves},{submits},{planned_iterations},{dependent_passes},{gpu_us}")
     }
 
     /// Writes out the rows that are still buffered.
@@ -104,7 +104,7 @@ mod tests {
                 submits: 3,
                 planned_iterations: 16,
                 dependent_passes: 60,
-                device_us: Some(700.25),
+                gpu_us: Some(700.25),
             },
             probes: vec![DVec3::new(0.5, 0.25, 1e9)],
         }
@@ -121,7 +121,7 @@ mod tests {
         assert_eq!(DVec3::new(number("force_x"), number("force_y"), number("force_z")), row.tool.unwrap().force);
         assert_eq!((number("tool_qw"), number("device_qw"), number("torque_z")), (1.0, 1.0, 0.0));
         assert_eq!((number("max_depth_m"), number("residual"), number("nose_z")), (1.5e-4, 3e-6, 1e9));
-        let work = ["solves", "submits", "planned_iterations", "dependent_passes", "device_us"].map(cell);
+        let work = ["solves", "submits", "planned_iterations", "dependent_passes", "gpu_us"].map(cell);
         assert_eq!(work, ["2", "3", "16", "60", "700.2"]);
     }
 
