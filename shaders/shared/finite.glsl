@@ -7,4 +7,4 @@ bool is_nan(float x) { return (floatBitsToUint(x) & 0x7fffffffu) > 0x7f800000u; 
 bool is_finite(float x) { return (floatBitsToUint(x) & 0x7f800000u) != 0x7f800000u; }
 
 // The least positive float that is not denormal: GPUs may take smaller numbers as zero.
-const float LEAST_NORMAL = 1.17549435e-38;
+const float LEAST_NORMAL = 1.1754944e-38;
