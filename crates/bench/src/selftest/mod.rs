@@ -42,7 +42,7 @@ pub struct Results {
 impl Results {
     /// What is wrong, a sentence each.
     pub fn faults(&self) -> Vec<String> {
-        let off = |difference: f64| !(difference <= TOLERANCE);
+        let off = |difference: f64| difference.is_nan() || difference > TOLERANCE;
         let scenes = self.scenes.iter().filter(|scene| off(scene.difference) || !scene.flags.is_empty());
         let scenes = scenes.map(|scene| match scene.flags.is_empty() {
             true => format!("{} differs by {:.1e} from what is pinned", scene.scene, scene.difference),
