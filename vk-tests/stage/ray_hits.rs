@@ -294,8 +294,11 @@ fn soup(vertices: usize, triangles: usize, size: f64, random: &mut Random) -> Me
 fn soups_of_triangles_cross_what_f64_says() {
     let mut random = Random(61);
     let width = context().reduce_size() as usize;
-    // However many cells share a bucket, each hit must be found once.
-    for (n, size, buckets) in [(1, 0.5, 1), (width - 1, 0.3, 1), (width, 0.2, 2), (65, 0.2, 64), (300, 0.1, 1 << 13)] {
+    // However many cells share a bucket, each hit must be found once. Wide workgroups get more buckets: a lane that walks
+    // one list of all vertices for each of its triangle's cells would need more rounds than a loop may have.
+    let few = (width as u32 / 16).next_power_of_two();
+    let cases = [(1, 0.5, 1), (width - 1, 0.3, few), (width, 0.2, 2 * few), (65, 0.2, 64), (300, 0.1, 1 << 13)];
+    for (n, size, buckets) in cases {
         let (a, b) = (soup(n, n, size, &mut random), soup(2 * n + 1, n, size, &mut random));
         for count in [1, 2, PAIR_PATCHES] {
             let contact_patches: Vec<ContactPatch> =
