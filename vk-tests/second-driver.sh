@@ -12,7 +12,7 @@ if [ ! -e "$driver" ]; then
     (cd "$folder" && apt-get download -qq chromium-common)
     dpkg-deb -x "$folder"/chromium-common_*.deb "$folder"
 fi
-# The loader's name of this variable before 1.3.207 was the second.
+# Loaders before 1.3.207 know the second name only.
 export VK_DRIVER_FILES=$driver VK_ICD_FILENAMES=$driver
 
 # Two tests are left out, whose bounds SwiftShader misses: a sum with cancellation errs 7.5 times as much, the depth in a

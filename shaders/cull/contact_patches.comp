@@ -388,7 +388,8 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
     // A rotation before the skins touch does not count, because the direction is then only an estimate.
     if (touches && all_pushes >= least_push) atomicMax(counts.turn, floatBitsToUint(turn));
     contact_patches[first_patch + r] =
-        ContactPatch(normals[r], axes[0], axes[1], column_low, column_high, cells_per_metre, touches ? strength[r] : 0.0, turn);
+        ContactPatch(normals[r], axes[0], axes[1], column_low, column_high, cells_per_metre,
+            touches ? strength[r] : 0.0, turn);
 }
 
 // Writes the one patch of a skin and a half-space, and activates the pair proxies that may reach below the half-space's

@@ -73,7 +73,7 @@ layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 
 const uint SUMS = 3;
 
-shared uint status;
+shared uint status_read;
 shared float rigid_x[6];
 shared float rigid_u[6];
 shared float group_residuals[6 * WIDEST];
@@ -103,9 +103,9 @@ struct Scalars {
 bool is_running() {
     if (LEADS) return true;             // dispatched only while the loop runs
     if (ONE_SUBGROUP) return subgroupMax(solve.status) == STATUS_RUNNING;
-    if (gl_LocalInvocationID.x == 0) status = solve.status;
+    if (gl_LocalInvocationID.x == 0) status_read = solve.status;
     barrier();
-    return status == STATUS_RUNNING;
+    return status_read == STATUS_RUNNING;
 }
 
 // Ends the loop at r . M^-1 r = `gamma`: clears its indirect arguments. Only the first invocation of the variant that

@@ -294,12 +294,6 @@ impl Recording {
         out
     }
 
-    /// Time from the start of the recording's first timer to its end in its last run, microseconds; 0 before the first
-    /// run, and if nothing was timed.
-    pub fn gpu_us(&self) -> f64 {
-        self.stage_times().iter().map(|(_, us)| us).sum()
-    }
-
     /// Number of passes that wait for an earlier pass.
     pub fn dependent_passes(&self) -> u32 {
         self.commands.passes.iter().filter(|pass| pass.waits).count() as u32

@@ -108,10 +108,10 @@ impl Model {
         self.coarse = coarse;
     }
 
-    /// Number of aggregates for a soft body with this stiffness number. It is chosen for the least time on a CPU: with B aggregates of n nodes, the
-    /// number of iterations falls about as B^(-1/3), and the time of an iteration grows as n plus a share of B^2, that of
-    /// the product with the dense inverse, so the best B grows as the square root of n. It is limited so that the matrix
-    /// is inverted within a few seconds.
+    /// Number of aggregates for a soft body with this stiffness number. It is chosen for the least time on a CPU: with B
+    /// aggregates of n nodes, the number of iterations falls about as B^(-1/3), and the time of an iteration grows as n
+    /// plus a share of B^2, that of the product with the dense inverse, so the best B grows as the square root of n. It
+    /// is limited so that the matrix is inverted within a few seconds.
     fn aggregate_count(&self, soft: &SoftRange, number: f64) -> usize {
         let free: Vec<_> = soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE).collect();
         let frames: BTreeSet<u32> = free.iter().map(|n| self.node_info[*n][2]).collect();

@@ -253,16 +253,16 @@ impl Simulation {
             let all = [first.unwrap_or(&set.end), plan, &set.end];
             let parts = if first.is_some() { &all[..] } else { &all[1..] };
             Recording::submit_all(parts)?;
+            let timed_parts = if timed { parts } else { &[] };
+            let part_times: Vec<(String, f64)> = timed_parts.iter().flat_map(|part| part.stage_times()).collect();
             self.last_work += StepWork {
                 solves: u32::from(first.is_some()),
                 submits: 1,
                 planned_iterations: *planned,
                 dependent_passes: parts.iter().map(|part| part.dependent_passes()).sum(),
-                gpu_us: timed.then(|| parts.iter().map(|part| part.gpu_us()).sum()),
+                gpu_us: timed.then(|| part_times.iter().map(|(_, us)| us).sum()),
             };
-            if timed {
-                parts.iter().for_each(|part| add_by_name(&mut times, part.stage_times()));
-            }
+            add_by_name(&mut times, part_times);
             if self.timing == Timing::Passes {
                 let passes = parts.iter().flat_map(|part| part.all_passes());
                 add_by_name(&mut self.pass_counts, passes.map(|pass| (pass.what.clone(), 1)));

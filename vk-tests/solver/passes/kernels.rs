@@ -3,7 +3,6 @@
 //! core is a rigid body inside a soft one, to which nodes are attached and whose motion the solver finds.
 
 use palpate::internal::gpu::Size;
-use palpate::internal::shaders;
 use palpate::internal::shaders::{Contact, Iteration, RigidIterate};
 
 use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
@@ -373,10 +372,8 @@ impl Passes {
     }
 
     pub fn update(&mut self) {
-        // The variant that leads is dispatched by indirect arguments, which are zero once the loop has ended.
-        let ended = self.args[3 * shaders::ARGS_LOOP_FREE as usize] == 0
-            && self.args[3 * shaders::ARGS_LOOP_ATTACHED as usize] == 0
-            && self.args[3 * shaders::ARGS_LOOP_TOOL as usize] == 0;
+        // The variant that leads is dispatched by the loop's indirect arguments.
+        let ended = self.has_ended();
         let outcomes: Vec<_> = (self.variants().iter().enumerate())
             .filter(|(index, _)| *index > 0 || !ended)
             .map(|(index, variant)| self.update_variant(index == 0, variant))

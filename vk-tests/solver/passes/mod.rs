@@ -233,11 +233,16 @@ impl Passes {
         self.begin();
     }
 
+    /// Whether the kernels have ended the loop, by setting its indirect arguments to zero.
+    fn has_ended(&self) -> bool {
+        let args_indices = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_ATTACHED, shaders::ARGS_LOOP_TOOL];
+        args_indices.iter().all(|args_index| self.args[3 * *args_index as usize] == 0)
+    }
+
     /// Runs iterations until the kernels end the loop, at most `limit`.
     pub fn iterate(&mut self, limit: usize) {
         for _ in 0..limit {
-            let args_indices = [shaders::ARGS_LOOP_FREE, shaders::ARGS_LOOP_ATTACHED, shaders::ARGS_LOOP_TOOL];
-            if args_indices.iter().all(|args_index| self.args[3 * *args_index as usize] == 0) {
+            if self.has_ended() {
                 return;
             }
             self.apply(Change::Preconditioned);

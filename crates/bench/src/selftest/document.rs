@@ -1,6 +1,6 @@
 //! The page of a self-test.
 
-use super::{Results, TOLERANCE};
+use super::{Results, TOLERANCE, greatest};
 use crate::{Chapter, Document, Section, Table};
 
 /// The results as a document.
@@ -46,7 +46,7 @@ fn scenes(results: &Results) -> Section {
             scene.flags.join(", "),
         ]
     };
-    let worst = results.scenes.iter().map(|scene| scene.difference).fold(0.0, f64::max);
+    let worst = greatest(results.scenes.iter().map(|scene| scene.difference));
     Section {
         title: "Shipped scenes".into(),
         question: "Do the shipped scenes give the forces, or without a tool the displacements, that are pinned? Their \
@@ -64,7 +64,7 @@ fn scenes(results: &Results) -> Section {
 
 fn choices(results: &Results) -> Section {
     let row = |variant: &super::Variant| vec![variant.choice.clone(), format!("{:.1e}", variant.difference)];
-    let worst = results.variants.iter().map(|variant| variant.difference).fold(0.0, f64::max);
+    let worst = greatest(results.variants.iter().map(|variant| variant.difference));
     let (steps, same) = results.repeats;
     Section {
         title: "Choices that must not matter".into(),

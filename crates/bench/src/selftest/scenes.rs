@@ -1,11 +1,12 @@
 //! The shipped scenes, and the forces that they gave when they were pinned.
 
 use std::fs;
-use std::path::Path;
 use std::sync::Arc;
 
 use palpate::{Context, Error, Flags, Result, Scene, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
+
+use super::greatest;
 
 /// Name and text of each shipped scene, and the number of steps after which it has contact.
 const SCENES: [(&str, &str, u64); 9] = [
@@ -20,7 +21,7 @@ const SCENES: [(&str, &str, u64); 9] = [
     ("pose-human", include_str!("../../../../assets/scenes/pose-human.toml"), 60),
 ];
 const SKELETON: &str = include_str!("../../../../assets/human-skeleton.toml");
-/// Of the last so many steps of a scene, every so-many-eth is pinned.
+/// Number of steps at the end of a scene of which values are pinned, and of how many steps one is pinned.
 const LAST: u64 = 20;
 const EVERY: u64 = 5;
 /// The solver's tolerance: small, so that results depend little on when a driver's rounding lets it stop.
@@ -70,16 +71,14 @@ pub fn record(context: &Arc<Context>) -> Result<Vec<Pinned>> {
 pub fn agreement(context: &Arc<Context>, pinned: &Pinned) -> Result<Agreement> {
     let (found, rows) = ran(context, &pinned.scene)?;
     let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let greatest = pinned.values.iter().map(|x| length(x)).fold(0.0, f64::max);
+    let greatest_value = greatest(pinned.values.iter().map(|x| length(x)));
     let apart = |(a, b): (&Vec<f64>, &Vec<f64>)| length(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>());
-    // f64::max would hide what is not a number.
-    let larger = |a: f64, b: f64| if a >= b { a } else { b };
-    let difference = found.values.iter().zip(&pinned.values).map(apart).fold(0.0, larger) / greatest;
+    let difference = greatest(found.values.iter().zip(&pinned.values).map(apart)) / greatest_value;
     let flags = rows.iter().fold(Flags::default(), |all, row| all | row.flags);
     let times: Vec<f64> = rows.iter().map(|row| 1e-3 * row.step_us).collect();
     Ok(Agreement {
         scene: pinned.scene.clone(),
-        greatest,
+        greatest: greatest_value,
         is_force: rows.iter().any(|row| row.tool.is_some()),
         difference,
         flags: flags.names().map(Into::into).collect(),
@@ -104,17 +103,13 @@ fn ran(context: &Arc<Context>, name: &str) -> Result<(Pinned, Vec<StepReport>)> 
 /// A shipped scene with a tight tolerance, and its number of steps.
 fn scene(name: &str) -> Result<(Scene, u64)> {
     let folder = tempfile::tempdir().map_err(|source| Error::Output { file: "a temporary folder".into(), source })?;
-    let scenes = folder.path().join("scenes");
-    let write = |file: &Path, text: &str| {
-        fs::write(file, text).map_err(|source| Error::Output { file: file.to_path_buf(), source })
-    };
+    // Scenes name the skeleton by its place beside their folder.
+    let (scenes, skeleton) = (folder.path().join("scenes"), folder.path().join("human-skeleton.toml"));
     fs::create_dir(&scenes).map_err(|source| Error::Output { file: scenes.clone(), source })?;
-    write(&folder.path().join("human-skeleton.toml"), SKELETON)?;
-    let file = scenes.join(format!("{name}.toml"));
+    fs::write(&skeleton, SKELETON).map_err(|source| Error::Output { file: skeleton, source })?;
     let known = SCENES.iter().find(|(known, ..)| *known == name);
     let Some((_, text, steps)) = known else { return Err(Error::Usage(format!("{name} is no shipped scene"))) };
-    write(&file, text)?;
-    let mut scene = Scene::load(&file)?;
+    let mut scene = Scene::parse(&scenes.join(format!("{name}.toml")), text)?;
     scene.solver.tolerance = Some(TOLERANCE);
     Ok((scene, *steps))
 }

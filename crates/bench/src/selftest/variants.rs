@@ -1,15 +1,18 @@
 //! Choices that must not matter: a run that is repeated, the path of the depth stage, the kind of arrays, and the size of
 //! workgroups.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
 use palpate::internal::gpu::Arrays;
 use palpate::scene::{DepthPath, Scene};
-use palpate::{Context, Error, Options, Result, Simulation};
+use palpate::{Context, Options, Result, Simulation};
 use serde::Serialize;
 
-/// A ball, the tool, that goes down into a soft block with two bodies' skins in contact.
+use super::greatest;
+
+/// A ball, the tool, goes down into a soft block that lies on another.
 const SCENE: &str = include_str!("press.toml");
 /// Number of steps for which each choice is compared.
 const STEPS: usize = 60;
@@ -29,10 +32,7 @@ pub struct Variant {
 }
 
 fn scene() -> Result<Scene> {
-    let folder = tempfile::tempdir().map_err(|source| Error::Output { file: "a temporary folder".into(), source })?;
-    let file = folder.path().join("press.toml");
-    std::fs::write(&file, SCENE).map_err(|source| Error::Output { file: file.clone(), source })?;
-    Scene::load(&file)
+    Scene::parse(Path::new("press.toml"), SCENE)
 }
 
 fn forces(context: &Arc<Context>, scene: &Scene, steps: usize) -> Result<Vec<DVec3>> {
@@ -56,8 +56,7 @@ pub fn compare(options: &Options, watch: &mut dyn FnMut(&str)) -> Result<Vec<Var
         let has_storage = context.storage_buffers() >= palpate::internal::shaders::MOST_STORAGE_BUFFERS;
         (forces(&context, &scene, STEPS)?, context.has_large_texel_buffers(), has_storage)
     };
-    let greatest = own.iter().map(|force| force.length()).fold(0.0, f64::max);
-    let larger = |a: f64, b: f64| if a >= b { a } else { b };
+    let greatest_force = greatest(own.iter().map(|force| force.length()));
     let mut variants = Vec::new();
     let mut add = |choice: String, options: &Options, scene: &Scene| -> Result<()> {
         watch(&choice);
@@ -66,8 +65,8 @@ pub fn compare(options: &Options, watch: &mut dyn FnMut(&str)) -> Result<Vec<Var
             return Ok(());
         }
         let found = forces(&context, scene, STEPS)?;
-        let apart = found.iter().zip(&own).map(|(a, b)| a.distance(*b)).fold(0.0, larger);
-        variants.push(Variant { choice, difference: apart / greatest });
+        let apart = greatest(found.iter().zip(&own).map(|(a, b)| a.distance(*b)));
+        variants.push(Variant { choice, difference: apart / greatest_force });
         Ok(())
     };
     for (name, path) in [("compute", DepthPath::Compute), ("graphics", DepthPath::Graphics)] {
