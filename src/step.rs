@@ -17,6 +17,7 @@ mod gap;
 pub mod joints;
 mod make;
 mod nodes;
+mod plans;
 mod probes;
 mod report;
 mod rigid;
@@ -108,6 +109,8 @@ pub struct Simulation {
     max_force: f64,
     last_wrench: Option<ContactWrench>,
     last_iterations: u32,
+    /// What the last steps needed, from which the next step's plan follows.
+    needs: plans::Needs,
     /// What the last step asked of the GPU.
     last_work: StepWork,
     last_timed: Option<Vec<(String, f64)>>,
@@ -377,6 +380,11 @@ impl Simulation {
         self.tool.as_ref().map_or(first, |tool| tool.centre)
     }
 
+    /// Whether a haptic loop moves the tool, whose weight it then compensates.
+    fn is_in_haptic_loop(&self) -> bool {
+        !self.has_weight
+    }
+
     fn write_inputs(&self, h: f64, device: &RigidState) -> Result<()> {
         let (step, origin) = (&self.scene.step, self.origin());
         let mut params = StepParams {
@@ -388,7 +396,7 @@ impl Simulation {
             gravity: step.gravity.as_vec3().to_array(),
             depth_limit: self.scene.contact.depth_limit as f32,
             texel: self.scene.contact.texel.unwrap_or(0.0) as f32,
-            wants_stiffness: u32::from(!self.has_weight),
+            wants_stiffness: u32::from(self.is_in_haptic_loop()),
             friction: self.model.friction[0],
             friction_speed: self.model.friction[1],
             ..bytemuck::Zeroable::zeroed()

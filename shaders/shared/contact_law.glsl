@@ -62,11 +62,19 @@ vec3 end_friction(Contact contact, vec4 force, float h) {
 float normal_stiffness(Contact contact) { return contact.area * contact.stiffness; }
 float normal_damping(Contact contact) { return contact.area * contact.damping; }
 
-// Contacts do not adhere: a contact that is under tension after a solve is released, and has no effect from then on.
-void release(inout Contact contact) {
+// Contacts do not adhere: a contact that is under tension when the solver has converged is released, and has no effect
+// from then on. It keeps its numbers, with its stiffness negated, until the solve ends (solve/conclude), because the
+// right-hand side b still contains its impulses; solve/contact_product cancels them in the last product.
+void release(inout Contact contact) { contact.stiffness = -contact.stiffness; }
+
+bool is_released(Contact contact) { return contact.stiffness <= 0.0; }
+
+// Whether a contact was released in the present solve.
+bool is_just_released(Contact contact) { return contact.stiffness < 0.0; }
+
+// Takes its numbers from a contact that was released in a solve which has ended.
+void clear_released(inout Contact contact) {
     contact.stiffness = 0.0;
     contact.damping = 0.0;
     contact.friction = 0.0;
 }
-
-bool is_released(Contact contact) { return contact.stiffness == 0.0; }

@@ -2,7 +2,8 @@
 // iterations, and after the last. Each iteration makes it
 // smaller by alpha gamma (Hestenes and Stiefel 1952). The sum over the last four iterations estimates, from below, what
 // it was before these (Strakos and Tichy 2002); it is more than the present value if these iterations have halved it.
-// Before four iterations are done the estimate means nothing. An including shader includes shared/types.glsl first.
+// Before four iterations are done
+// since the search directions began anew the estimate means nothing. An including shader includes shared/types.glsl first.
 
 const uint ERROR_DELAY = 4;     // number of iterations over which the estimate sums
 // Greatest error at which a solver without a tolerance stops, as a share of the energy of the difference of this step's
@@ -21,5 +22,5 @@ float error_energy(Iteration last) {
 float error_energy_left(Iteration last) {
     vec4 e = last.energies;
     float ratio = max(max(e.x / e.y, e.y / e.z), e.z / e.w);
-    return last.count >= ERROR_DELAY && ratio < 1.0 ? e.x * ratio / (1.0 - ratio) : UNLIMITED;
+    return last.fresh >= ERROR_DELAY && ratio < 1.0 ? e.x * ratio / (1.0 - ratio) : UNLIMITED;
 }

@@ -223,7 +223,6 @@ struct Counts {
     uint chunks_asked;          // workgroups of contact/candidates that have finished
     uint contacts;
     uint entries;               // entries in the lists of contacts by node; an entry is a contact and its weight
-    uint released;               // contacts that were released because they were under tension (would have pulled)
     uint turn;                  // largest rotation of a contact patch's normal since the last step, rad, as float bits
     uint last_contacts;         // contacts of the last step
     uint flags;                 // warnings of the step: bits FLAG_*
@@ -237,7 +236,7 @@ struct Contact {
     float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
     float depth;                // penetration depth delta, m
     float rate;                 // delta' = normal . (v1 - v2) at the start, m/s
-    float stiffness;            // k, N/m^3
+    float stiffness;            // k, N/m^3; negated where the contact was released in the present solve
     float damping;              // d, N s/m^3; a released contact has stiffness = damping = friction = 0
     float friction;             // c: friction is -c times the tangential part of v1 - v2 at the end of the step, N s/m
     vec3 slip;                  // tangential part of v1 - v2 at the start, m/s
@@ -255,7 +254,7 @@ struct Solve {
     float floor_norm2;          // part of rhs_norm2 that may be due to f32 rounding alone
     uint status;                // STATUS_*
     uint current;               // which of the two sets of iterates is the newest
-    uint retries;               // how often the system was solved again after contacts were released
+    uint pulling[2];            // for each set of iterates: contacts under tension at its x, or 0 before these are counted
     uint newton_iterations;        // Newton iterations after the first in this step, counting the check after the last
     float first_norm2;          // rhs_norm2 of the first Newton iteration
     uint flags;                 // flags of the last Newton iteration's solve
@@ -272,6 +271,9 @@ struct Iteration {
     float gamma;                // r . M^-1 r
     float alpha;                // step length along the search direction
     uint count;                 // iterations done
+    uint fresh;                 // iterations since the search directions last began anew
+    uint releases;              // how often contacts were released
+    uint is_release;            // 1: the iteration that reads this releases contacts under tension
     vec4 energies;              // alpha gamma of the last four iterations, the latest first, J
     float change;               // energy of the difference from the last step's solution, as far as it is known, J
 };
@@ -287,6 +289,7 @@ const uint STATUS_BROKEN = 3;       // the operator seems not to be positive def
 struct Report {
     uint verdict;               // whether the step is accepted, or how it must go on: one of VERDICT_*
     uint iterations;            // conjugate gradient iterations
+    uint releases;              // how often the solver released contacts
     float residual;             // relative residual, recomputed from b - A x
     float residual_floor;       // least relative residual that f32 can reach
     float nonlinear_residual;   // residual of the nonlinear equations after several Newton iterations, relative to the
@@ -322,9 +325,8 @@ const float GAP_FAR = 3.0e38;       // distance where nothing was found, m
 
 const uint VERDICT_DONE = 0;        // the step is accepted
 const uint VERDICT_CONTINUE = 1;    // the iterations recorded in the command buffers were too few: run more
-const uint VERDICT_RETRY = 2;       // contacts were under tension and have been released: solve again
-const uint VERDICT_FAILED = 3;      // the solution is not finite, or its residual too large: the state stays as it was
-const uint VERDICT_NEWTON = 4; // linearise at the solution, and solve again or, after the last solve, check its residual
+const uint VERDICT_FAILED = 2;      // the solution is not finite, or its residual too large: the state stays as it was
+const uint VERDICT_NEWTON = 3; // linearise at the solution, and solve again or, after the last solve, check its residual
 
 const uint FLAG_NOT_CONVERGED = 1;      // the residual is well above both the tolerance and residual_floor
 const uint FLAG_PATCH_OVERFLOW = 2;    // more contact patches or work items, or smaller hash cells, than supported
@@ -332,6 +334,6 @@ const uint FLAG_CONTACT_OVERFLOW = 4;   // too many contacts or ray hits for the
 const uint FLAG_DEPTH_LIMIT = 8;        // a contact is deeper than depth_limit
 const uint FLAG_NOT_HEIGHT_FIELD = 16;  // a skin folds over itself along the normal of a contact patch
 const uint FLAG_NON_FINITE = 32;        // a number of the solution is NaN or infinite
-const uint FLAG_TENSION = 256;          // contacts are under tension even after the last repeated solve
+const uint FLAG_TENSION = 256;          // contacts are under tension even after the last release
 const uint FLAG_INVERTED = 1024;        // a tetrahedron is inside out, or its rotation was not found
 const uint FLAG_NEWTON_NOT_CONVERGED = 2048;        // Newton iterations left much of the step's equations unsolved

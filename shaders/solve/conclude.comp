@@ -7,14 +7,13 @@
 #include "shared/args.glsl"
 #include "shared/rotation.glsl"
 
-// Solve: decides, after the iterations, whether the solution x of the linear system A x = b is accepted, the system is
-// solved again, or the step is rejected. There is one workgroup. The f64 reference is oracle::step.
+// Solve: decides, after the iterations, whether the solution x of the linear system A x = b is accepted, more
+// iterations follow, or the step is rejected. There is one workgroup. The f64 reference is oracle::step.
 //
 // The relative residual sqrt((b - A x) . M^-1 (b - A x) / b . M^-1 b), with preconditioner M, is recomputed; the value
 // that the iterations carry along by recurrence is not used. A contact is under tension if its pressure at the end of
-// the step (end_pressure in shared/contact_law.glsl) is negative. Contacts do not adhere, so such contacts are
-// released, and the host has the system solved again, MAX_RETRIES times at most (each solve starts from the last
-// solution and is short). The pressure of contacts that are still under tension after the last of these solves counts
+// the step (end_pressure in shared/contact_law.glsl) is negative. Contacts do not adhere, so the iterations release such
+// contacts (solve/update), a few times at most. The pressure of contacts that are still under tension at the end counts
 // as zero, and a flag reports them. Once the system is solved, a further Newton iteration may follow. After the last of
 // several Newton iterations the equations are linearised once more at the solution. The residual of this linear system is
 // that of the nonlinear equations, and a flag reports it where it is large. A dynamic core is
@@ -38,7 +37,7 @@ READ_ONLY(vec4, restricted_product);     // A x, summed over each block of nodes
 READ_ONLY(vec4, contact_forces);       // output of solve/contact_product for the solution
 layout(scalar) readonly buffer Iterations { Iteration iterations[2]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) buffer CountsInOut { Counts counts; };
+layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) buffer Contacts { Contact contacts[]; };
 layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
@@ -48,7 +47,6 @@ layout(scalar) writeonly buffer ReportOut { Report report; };
 layout(scalar) writeonly buffer CoreChanges { float core_changes[]; };     // change of each core's twist, for the host
 layout(scalar) readonly buffer RigidInverses { float rigid_inverses[]; };
 
-const uint MAX_RETRIES = 4;
 // Relative residual above which a solution is rejected if the solve broke down.
 const float WORTHLESS = 0.1;
 // Relative residual above which every solution is rejected: even x = 0 would then have a smaller residual.
@@ -110,16 +108,12 @@ void main() {
     sums = workgroup_sum(sums);
     if (CONTACT) forces = workgroup_sum(forces);
     bool is_check = params.newton > 1 && solve.newton_iterations == params.newton;
-    bool must_retry =
-        !is_check && solve.status != STATUS_RUNNING && sums.z > 0.0 && solve.retries < MAX_RETRIES;
-    if (CONTACT && must_retry) {
+    if (CONTACT && solve.status != STATUS_RUNNING) {
         for (uint c = lane; c < contact_count; c += SIZE) {
             Contact contact = contacts[c];
-            if (is_released(contact)) continue;
-            if (end_pressure(contact, fetch(contact_forces, c), params.dt) < 0.0) {
-                release(contact);
-                contacts[c] = contact;
-            }
+            if (!is_just_released(contact)) continue;
+            clear_released(contact);
+            contacts[c] = contact;
         }
     }
     // All lanes have now read what lane 0 changes below.
@@ -132,11 +126,6 @@ void main() {
     float residual_floor = sqrt(max(solve.floor_norm2, sums.w) / norm2);
     uint verdict = VERDICT_DONE;
     if (solve.status == STATUS_RUNNING) verdict = VERDICT_CONTINUE;
-    else if (must_retry) verdict = VERDICT_RETRY;
-    if (must_retry) {
-        solve.retries += 1;
-        counts.released = uint(sums.z);
-    }
     uint flags = counts.flags;
     if (verdict == VERDICT_DONE) {
         // These conditions are written so that NaN raises the flags as well.
@@ -153,7 +142,8 @@ void main() {
             // The solve stopped before the normal forces were accurate; ten times the error is a hundred times the energy.
             bool is_accurate = error_energy(iterations[solve.current]) <= 100.0 * solve.energy_limit;
             if (CONTACT && solve.status != STATUS_CONVERGED && !is_accurate) flags |= FLAG_NOT_CONVERGED;
-            if (sums.z > 0.0) flags |= FLAG_TENSION;
+            // The loop counted the contacts under tension at the same x; their rounding alone must not raise the flag.
+            if (sums.z > 0.0 && solve.pulling[solve.current] > 0) flags |= FLAG_TENSION;
         }
         // A solution is rejected if one of the three numbers that `all` adds is not finite, since the residual then
         // means nothing, or if the residual is above a limit. The limit is low after a breakdown. A solve that merely
@@ -176,7 +166,6 @@ void main() {
         if (!failed && params.newton > 1 && !is_check) {
             verdict = VERDICT_NEWTON;
             solve.newton_iterations += 1;
-            solve.retries = 0;
             solve.flags = flags;
             for (uint index = 0; index < RIGIDS; index++) rigids[index].linear_residual = rigids[index].operator_product;
         }
@@ -199,6 +188,7 @@ void main() {
     }
     report.verdict = verdict;
     report.iterations = iterations[solve.current].count;
+    report.releases = iterations[solve.current].releases;
     // A check leaves the residual of the last solve in the report.
     if (!is_check) {
         report.residual = residual;

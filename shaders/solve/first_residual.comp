@@ -284,8 +284,9 @@ void main() {
     solve.status = at_rest ? STATUS_CONVERGED : STATUS_RUNNING;
     solve.energy_limit = limit;
     solve.stop_norm2 = 0.0;
-    iterations[0] = Iteration(0.0, 0.0, 0, vec4(0.0), change_by(factors, projected));
-    iterations[1] = Iteration(0.0, 0.0, 0, vec4(0.0), 0.0);
+    solve.pulling[0] = solve.pulling[1] = 0;
+    iterations[0] = Iteration(0.0, 0.0, 0, 0, 0, 0, vec4(0.0), change_by(factors, projected));
+    iterations[1] = Iteration(0.0, 0.0, 0, 0, 0, 0, vec4(0.0), 0.0);
     uint on = at_rest ? 0 : 1, contact_count = CONTACT ? counts.contacts : 0;
     args[3 * ARGS_LOOP_ELEMENT_PRODUCT] = on * groups_of(TETRAHEDRA);
     args[3 * ARGS_LOOP_CONTACT_PRODUCT] = on * groups_of(contact_count);

@@ -251,6 +251,6 @@ void main() {
     r = packed(to_frame(unpacked(totals[4], totals[5], totals[6]), turn));
     for (int k = 0; k < 3; k++) {
         restricted_product[3 * coarse_index + k] = w[k];
-        if (COARSE) restricted_residual[3 * coarse_index + k] = r[k];
+        if (COARSE && MODE != GATHER_WARM_START) restricted_residual[3 * coarse_index + k] = r[k];
     }
 }

@@ -93,7 +93,11 @@ TWIST_OF(restricted_product)
 
 struct Scalars {
     float alpha, beta;
+    bool clears_u;              // whether the next u is zero
 };
+
+// Most releases of contacts in a solve.
+const uint MAX_RELEASES = 4;
 
 // Whether the loop goes on; the same in all lanes of a workgroup, so that all of them reach the same barriers. Variants
 // that do not lead are dispatched in every recorded iteration, also after the loop has ended. In the iteration that
@@ -122,7 +126,30 @@ void stop(uint status, float gamma) {
 // residual may leave a large error.
 bool normal_forces_are_accurate(Iteration last) {
     if (solve.energy_limit >= UNLIMITED) return true;
-    return last.count >= ERROR_DELAY && error_energy(last) <= solve.energy_limit;
+    return last.fresh >= ERROR_DELAY && error_energy(last) <= solve.energy_limit;
+}
+
+// Writes the scalars that the next iteration reads.
+void advance(Iteration next) {
+    if (!LEADS || gl_WorkGroupID.x != 0 || gl_LocalInvocationID.x != 0) return;
+    iterations[1 - set] = next;
+    solve.current = 1 - set;
+    if (CONTACT) solve.pulling[1 - set] = 0;
+}
+
+// Ends the loop, unless contacts are under tension: these are then released, and the iterations go on for the others.
+// That takes two iterations, which change nothing else. This one, with alpha = 0, leaves u = 0; the next one, with
+// u = p = 0, has as its operator product the impulses that the released contacts lose (solve/contact_product), which
+// alpha = 1 subtracts from the residual. Then the search directions start anew.
+bool goes_on(uint status, float gamma, Iteration last, out Scalars scalars) {
+    scalars = Scalars(0.0, 0.0, true);
+    if (!CONTACT || solve.pulling[set] == 0 || last.releases == MAX_RELEASES) {
+        stop(status, gamma);
+        return false;
+    }
+    last.is_release = 1;
+    advance(last);
+    return true;
 }
 
 // Computes alpha and beta of this iteration; returns false if the loop ends here.
@@ -132,18 +159,21 @@ bool next_scalars(out Scalars scalars) {
     workgroup_sums(totals, 1);
     float gamma = totals[0].x, delta = totals[0].y;
     Iteration last = iterations[set];
+    if (CONTACT && last.is_release == 1) {
+        scalars = Scalars(1.0, 0.0, false);
+        advance(Iteration(0.0, 0.0, last.count, 0, last.releases + 1, 0, vec4(UNLIMITED), last.change));
+        return true;
+    }
     float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
     // The magnitude of gamma is compared: a gamma far below zero (M is then not positive definite) is no convergence.
     bool is_small = abs(gamma) <= enough;
     bool is_loose = abs(gamma) <= params.loosest * params.loosest * solve.rhs_norm2;
     is_small = is_small || is_loose && error_energy_left(last) <= STEP_ERROR_SHARE * last.change;
     if (CONTACT && is_small) is_small = abs(gamma) <= solve.floor_norm2 || normal_forces_are_accurate(last);
-    if (is_small) {
-        stop(STATUS_CONVERGED, gamma);
-        return false;
-    }
-    scalars.beta = last.count == 0 ? 0.0 : gamma / last.gamma;
-    float curvature = last.count == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
+    if (is_small) return goes_on(STATUS_CONVERGED, gamma, last, scalars);
+    scalars.clears_u = false;
+    scalars.beta = last.fresh == 0 ? 0.0 : gamma / last.gamma;
+    float curvature = last.fresh == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
     // Where the residual grew suddenly, the difference that gives the curvature may be lost to rounding: the search
     // directions then start anew from u.
     if (scalars.beta > 1.0 && curvature <= 0.0 && is_finite(curvature) && delta > 0.0) {
@@ -151,16 +181,12 @@ bool next_scalars(out Scalars scalars) {
         curvature = delta;
     }
     bool broken = gamma < 0.0 || curvature <= 0.0 || !is_finite(curvature) || is_nan(gamma);
-    if (broken || last.count >= params.max_iterations) {
-        stop(broken ? STATUS_BROKEN : STATUS_STOPPED, gamma);
-        return false;
-    }
+    if (broken) return goes_on(STATUS_BROKEN, gamma, last, scalars);
+    if (last.fresh >= params.max_iterations) return goes_on(STATUS_STOPPED, gamma, last, scalars);
     scalars.alpha = gamma / curvature;
-    if (LEADS && gl_WorkGroupID.x == 0 && gl_LocalInvocationID.x == 0) {
-        vec4 energies = vec4(scalars.alpha * gamma, last.energies.xyz);
-        iterations[1 - set] = Iteration(gamma, scalars.alpha, last.count + 1, energies, last.change + energies.x);
-        solve.current = 1 - set;
-    }
+    vec4 energies = vec4(scalars.alpha * gamma, last.energies.xyz);
+    advance(Iteration(gamma, scalars.alpha, last.count + 1, last.fresh + 1, last.releases, 0, energies,
+        last.change + energies.x));
     return true;
 }
 
@@ -231,6 +257,7 @@ void update_tool(Scalars scalars) {
         float sum = 0.0;
         uint row = inverse_row(RIGIDS - 1, i);
         for (uint k = 0; k < 6; k++) sum += rigid_inverses[row + k] * residual[k];
+        if (scalars.clears_u) sum = 0.0;
         iterates[(1 - set) * RIGIDS + RIGIDS - 1].u[i] = sum;
     }
 }
@@ -254,7 +281,7 @@ void update_attached(uint b, Block block, vec4 turn, CoarseVector coarse_vector,
         float sum = 0.0;
         uint row = inverse_row(block.rigid, i);
         for (uint k = 0; k < 6 * own.group_count; k++) sum += rigid_inverses[row + k] * group_residuals[k];
-        rigid_u[i] = sum + coarse[i];
+        rigid_u[i] = scalars.clears_u ? 0.0 : sum + coarse[i];
         if (writes) iterates[(1 - set) * RIGIDS + block.rigid].u[i] = rigid_u[i];
     }
     barrier();
@@ -278,7 +305,7 @@ void update_free(Block block, vec4 place, CoarseVector coarse_vector, Scalars sc
         vec4 r = fetch(residual, i) - scalars.alpha * s;
         next_residual[i] = r;
         vec3 u = precondition(i, r.xyz, coarse_vector, COARSE ? (fetch(node_rest, i).xyz - place.xyz) * place.w : vec3(0.0));
-        next_preconditioned[i] = vec4(u, 0.0);
+        next_preconditioned[i] = vec4(scalars.clears_u ? vec3(0.0) : u, 0.0);
     }
 }
 

@@ -69,9 +69,14 @@ impl Hazards {
         barrier
     }
 
-    /// Opens a group of passes that do not wait for each other, only for what was recorded before the group.
-    pub fn begin_together(&mut self) {
-        self.together = Some(Vec::new());
+    /// Opens a group of passes that do not wait for each other, only for what was recorded before the group. Returns
+    /// false within an open group, to which the passes then belong.
+    pub fn begin_together(&mut self) -> bool {
+        let opens = self.together.is_none();
+        if opens {
+            self.together = Some(Vec::new());
+        }
+        opens
     }
 
     /// Closes the group: from now on, passes wait for passes of the group as for any others.
@@ -180,7 +185,9 @@ mod tests {
         let mut hazards = Hazards::default();
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
         assert!(!waits(&[write(1)]));
-        hazards.begin_together();
+        assert!(hazards.begin_together());
+        assert!(!hazards.before(&[write(4)]).is_some());
+        assert!(!hazards.begin_together(), "a group within a group is a part of it");
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
         assert!(!waits(&[write(2), write(3)]));
         assert!(waits(&[read(1), write(2)]), "a pass of a group must wait for writes before the group");
@@ -188,7 +195,7 @@ mod tests {
         hazards.end_together();
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
         assert!(waits(&[read(3)]), "a later pass must wait for the group's first write, despite the barrier after it");
-        assert!(!waits(&[read(2)]), "one barrier must cover all passes of the group");
+        assert!(!waits(&[read(2), read(4)]), "one barrier must cover all passes of the group");
     }
 
     #[test]

@@ -127,11 +127,13 @@ impl Recorder {
 
     /// Records the passes of the closure `passes`, which then run concurrently: no barrier separates them, whatever
     /// their kernels declare to read and write. So no pass may actually read or write memory that another of them
-    /// writes.
+    /// writes. Within another such closure its passes belong to the outer one.
     pub fn together(&mut self, passes: impl FnOnce(&mut Recorder)) {
-        self.hazards.begin_together();
+        let opens = self.hazards.begin_together();
         passes(self);
-        self.hazards.end_together();
+        if opens {
+            self.hazards.end_together();
+        }
     }
 
     /// Records a dispatch of `elements` invocations, rounded up to whole workgroups; for 0 it records nothing.

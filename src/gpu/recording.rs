@@ -15,8 +15,7 @@ use crate::error::{Error, Result};
 
 /// Number of timestamps in one query pool.
 const QUERIES: u32 = 64;
-/// Greatest number of recordings in one submit. A time step submits at most three at once; a simulation has fewer than
-/// 32 recordings in all.
+/// Greatest number of recordings in one submit.
 const MOST_AT_ONCE: usize = 32;
 
 /// Counts of the passes that one stage recorded. A pass is one dispatch, draw, fill or copy.

@@ -43,6 +43,7 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
         "solve/commit" if model.node_rest.is_empty() => "no nodes",
         "wrench/gap" if model.tool_frame.is_none() => "a body of the scene is the tool",
         "wrench/gap" if gap::part_count(model) == 0 => "there is no skin that the tool may touch",
+        "wrench/gap" => "no haptic loop moves the tool",
         "solve/assemble" | "solve/first_iterate" | "solve/coarse" if model.blocks.blocks.is_empty() => "no nodes",
         "solve/gather" | "solve/update" if model.blocks.blocks.is_empty() && model.tool_frame.is_none() => {
             "nothing moves"

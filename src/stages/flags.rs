@@ -41,8 +41,8 @@ impl Flags {
     pub const STEP_RETRIED: Flags = Flags(64);
     /// No attempt at the step succeeded, however short its time step: the bodies were stopped where they are.
     pub const FROZEN: Flags = Flags(128);
-    /// Contacts under tension were released (left without stiffness), but after the last repeated solve others are
-    /// still under tension.
+    /// Contacts under tension were released (left without stiffness), but after the last release others are still under
+    /// tension.
     pub const TENSION_REMAINS: Flags = Flags(shaders::FLAG_TENSION);
     /// A rigid coordinate frame turned so far within the step that its nodes may gain energy, since their elements keep
     /// the rotations of the start of the step.
@@ -126,8 +126,8 @@ impl Flags {
         },
         Explanation {
             title: "some contacts pull",
-            meaning: "Contacts that would pull bodies together are released and the step is solved again. After the last \
-                      repetition some contacts still pull, so the force may be a little too small.",
+            meaning: "Contacts that would pull bodies together are released, and the solver goes on without them. After \
+                      the last release some contacts still pull, so the force may be a little too small.",
             remedy: Some("Shorten step.dt, or lower contact.damping."),
         },
         Explanation {

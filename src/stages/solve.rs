@@ -132,6 +132,7 @@ pub(super) struct Trend {
     restricted_product: Buffer,
     coarse_product: Buffer,
     projections: Buffer,
+    contact_forces: Buffer,
 }
 
 /// A kernel specialised for one role, which is the kind of rows of A that it works on: free nodes, nodes attached to
@@ -255,6 +256,7 @@ impl Solve {
         let block_vector = |name: &str| zeros::<[f32; 4]>(context, name, 3 * groups);
         let coarse_vector = |name: &str| zeros::<[f32; 4]>(context, name, if is_coarse { 3 * groups } else { 0 });
         let directions = [coarse_vector("restricted_direction")?, coarse_vector("restricted_direction")?];
+        let contact_capacity = touch.map_or(0, |touch| touch.contact_forces.bytes() as usize / size_of::<[f32; 4]>());
         let all = 2 * rigid_count;
         let direction_product = both(&["direction_product"], &["next_direction_product"])?;
         let trend_product = direction_product.now[1].known_as(&["trend_product", "operator_product"]);
@@ -354,17 +356,14 @@ impl Solve {
                 coarse_product: coarse_vector("coarse_trend")?,
                 projections: array::<[f32; 4]>(context, "trend_projections", groups)?
                     .known_as(&["trend_projections", "projections"]),
+                contact_forces: array::<[f32; 4]>(context, "trend_contact_forces", contact_capacity)?
+                    .known_as(&["contact_forces"]),
             },
         })
     }
 }
 
 impl Solve {
-    /// Whether products with the operator overwrite the elements' forces.
-    pub fn overwrites_forces(&self) -> bool {
-        matches!(self.operator, Operator::MatrixFree { .. })
-    }
-
     fn assembled(&self) -> Option<&Assembled> {
         match &self.operator {
             Operator::Assembled(assembled) => Some(assembled),

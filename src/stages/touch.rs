@@ -46,9 +46,30 @@ impl TouchStages {
     /// Records the stages in the order in which they run: pose, cull, skin, depth, contact. `solve`: what friction needs
     /// of the last step's solution; `None` where there is no friction.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, solve: Option<&Solve>) {
+        self.record_pose(recorder, common, elastic);
+        self.record_broad_phase(recorder, common, elastic);
+        self.record_narrow_phase(recorder, common, elastic, solve);
+    }
+
+    /// Records the stage pose, which also resets the counters of the step.
+    pub fn record_pose(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+        self.pose.record(recorder, common, elastic, &self.skin);
+    }
+
+    /// Records the stage cull.
+    pub fn record_broad_phase(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+        self.cull.record(recorder, common, &self.pose, &self.skin, &self.contact, elastic);
+    }
+
+    /// Records the stages skin, depth and contact; `solve` as for [`TouchStages::record`].
+    pub fn record_narrow_phase(
+        &self,
+        recorder: &mut Recorder,
+        common: &Common,
+        elastic: &Elastic,
+        solve: Option<&Solve>,
+    ) {
         let TouchStages { pose, skin, cull, depth, contact } = self;
-        pose.record(recorder, common, elastic, skin);
-        cull.record(recorder, common, pose, skin, contact, elastic);
         skin.record(recorder, common, pose, cull, elastic);
         if let Some(depth) = depth {
             depth.record(recorder, common, cull, skin);

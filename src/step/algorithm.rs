@@ -4,19 +4,19 @@
 //!
 //! 1. [`Simulation::advance`] writes the step's inputs: the haptic device's pose, rigid coordinate frames, the tool.
 //! 2. [`Recordings::begin`]: velocities of nodes attached to moving frames; broad phase, narrow phase and contacts at
-//!    the step's start (pose, cull, skin, depth, contact: [`TouchStages::record`]); the element forces; the solver's
-//!    set-up with its first residual.
-//! 3. [`Recordings::iterate`]: conjugate gradients, recorded once for each of several numbers of iterations (plans);
-//!    most steps need only one submit.
+//!    the step's start (pose, cull, skin, depth, contact: [`TouchStages::record`]); the element forces; the
+//!    solver's set-up with its first residual.
+//! 3. [`Recordings::iterate`]: conjugate gradients, in recordings of several lengths, which together make a plan of
+//!    as many iterations as the step will probably need; most steps need only one submit.
 //! 4. [`Recordings::end`]: the verdict (a number by which the GPU says what is to follow the solve), the state at the
-//!    end of the step, the wrench on the tool, the gap between the tool and the nearest body, the fit of floating
-//!    frames, the probes.
-//! 5. [`Simulation::submit`] reads the verdict, which asks for more iterations, for another solve after contacts that
-//!    would pull were released (left without stiffness; [`Recordings::resolve`]), for a further Newton iteration or the
+//!    end of the step, the wrench on the tool, the fit of floating frames, the probes; in a haptic loop also
+//!    [`Recordings::gap`].
+//! 5. [`Simulation::submit`] reads the verdict, which asks for more iterations, for a further Newton iteration or the
 //!    check after the last ([`Recordings::newton`]), or for nothing more, or says that the step failed.
 //! 6. [`Simulation::arrive`] moves frames and tool to the end of the step. A step that failed is repeated in two
 //!    halves; where even the shortest halves fail, everything stops ([`Recordings::stop`]).
 
+use super::plans::{MOST_PARTS, Plans};
 use super::stage_set::Stages;
 use super::{Flags, Simulation, StepWork, Timing, tools};
 use crate::gpu::{Recorder, Recording};
@@ -25,33 +25,24 @@ use crate::stages::gap::Skins;
 use crate::stages::touch::TouchStages;
 use crate::{Error, Result};
 
-/// Number of iterations in the shortest plan.
-const SHORTEST_PLAN: u32 = 8;
-/// From this number of iterations on, each plan has twice as many as the one before. Shorter plans differ less, so that
-/// few iterations of a plan are left over: their passes find no work, but a GPU takes some time for each.
-const DOUBLED_FROM: u32 = 64;
-/// Number of iterations that a step's plan has beyond those that the last step needed, so that most steps need one
-/// submit.
-const SPARE_ITERATIONS: u32 = 4;
+/// Number of iterations of a plan that a release of contacts takes, besides those that the solver needs after it.
+const RELEASE_ITERATIONS: u32 = 2;
 /// Largest number of submits per Newton iteration. No step needs more, since the kernels limit the numbers of
-/// iterations and of repeated solves.
+/// iterations and of releases.
 const MOST_SUBMITS: u32 = 64;
 
 /// One step, recorded in parts; a submit has several of these.
 pub struct Recordings {
     /// Everything before the solver's loop.
     pub begin: Recording,
-    /// The solver's set-up once more, for a repeated solve after contacts were released; before it the element forces, if
-    /// products with the operator have overwritten them.
-    pub resolve: Recording,
-    /// The element forces and the solver's set-up for a further Newton iteration, or for the check after the last: for
-    /// its first solve, and for a repeated solve after contacts were released. `None` where a step has only one Newton
-    /// iteration.
-    pub newton: Option<[Recording; 2]>,
-    /// The plans, by rising length: number of iterations, and the recording of so many iterations.
-    pub iterate: Vec<(u32, Recording)>,
+    /// The element forces and the solver's set-up for a further Newton iteration, or for the check after the last.
+    /// `None` where a step has only one Newton iteration.
+    pub newton: Option<Recording>,
+    pub iterate: Plans,
     /// What follows the iterations: the verdict, the state at the end of the step, the wrench.
     pub end: Recording,
+    /// The gap between the tool and the nearest body, which only the steps of a haptic loop need.
+    pub gap: Option<Recording>,
     /// Stops all motion, where no attempt at a step succeeds.
     pub stop: Recording,
 }
@@ -60,32 +51,27 @@ pub struct Recordings {
 type Blank<'a> = &'a dyn Fn() -> Result<Recorder>;
 
 impl Recordings {
-    /// Records every part. The longest plan has at least one iteration more than `max_iterations`, since it is the
-    /// passes of this further iteration that notice that the limit is reached.
+    /// Records every part. The longest plan has at least one iteration more than `max_iterations`: the passes of this
+    /// further iteration notice that the limit is reached.
     pub fn new(stages: &Stages, max_iterations: u32, recorder: impl Fn() -> Result<Recorder>) -> Result<Recordings> {
         Ok(Recordings {
             begin: begin(stages, &recorder)?,
-            resolve: resolve(stages, &recorder)?,
             newton: newton(stages, &recorder)?,
             iterate: iterate(stages, max_iterations, &recorder)?,
             end: end(stages, &recorder)?,
+            gap: gap(stages, &recorder)?,
             stop: stop(stages, &recorder)?,
         })
     }
 
     /// Submits every part once, to warm up drivers that compile kernels late.
     pub fn submit_once(&self) -> Result<()> {
-        let mut parts = vec![&self.begin, &self.resolve];
-        parts.extend(self.newton.iter().flatten());
-        parts.extend(self.iterate.iter().map(|(_, plan)| plan));
+        let mut parts = vec![&self.begin];
+        parts.extend(&self.newton);
+        parts.extend(self.iterate.recordings());
         parts.push(&self.end);
+        parts.extend(&self.gap);
         Recording::submit_all(&parts)
-    }
-
-    /// The shortest plan with at least this many iterations, or else the longest.
-    pub fn plan(&self, iterations: u32) -> &(u32, Recording) {
-        let fits = self.iterate.iter().find(|(length, _)| *length >= iterations);
-        fits.unwrap_or(&self.iterate[self.iterate.len() - 1])
     }
 }
 
@@ -95,71 +81,52 @@ fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
     if let Some(attached) = attached {
         attached.record(&mut begin, common, elastic, solve);
     }
+    // Element forces and operator do not depend on contact, so their passes run beside those of the broad phase.
     match touch {
-        Some(touch) => touch.record(&mut begin, common, elastic, Some(solve)),
+        Some(touch) => touch.record_pose(&mut begin, common, elastic),
         None => elastic.record_reset(&mut begin, common),
     }
     solve.record_reset(&mut begin);
     elastic.record(&mut begin, common);
+    if let Some(touch) = touch {
+        touch.record_broad_phase(&mut begin, common, elastic);
+    }
     solve.record_operator(&mut begin, elastic);
+    if let Some(touch) = touch {
+        touch.record_narrow_phase(&mut begin, common, elastic, Some(solve));
+    }
     solve.record_start(&mut begin, common, elastic);
     begin.finish()
 }
 
-fn resolve(stages: &Stages, blank: Blank) -> Result<Recording> {
-    let Stages { common, elastic, solve, .. } = stages;
-    let mut part = blank()?;
-    if solve.overwrites_forces() {
-        elastic.record(&mut part, common);
-    }
-    solve.record_start(&mut part, common, elastic);
-    part.finish()
-}
-
-fn newton(stages: &Stages, blank: Blank) -> Result<Option<[Recording; 2]>> {
+fn newton(stages: &Stages, blank: Blank) -> Result<Option<Recording>> {
     let Stages { common, elastic, solve, .. } = stages;
     if !elastic.repeats() {
         return Ok(None);
     }
-    let [mut first, mut next] = [blank()?, blank()?];
-    elastic.record_trial(&mut first, common, solve);
-    for part in [&mut first, &mut next] {
-        elastic.record_newton(part, common);
-        solve.record_operator(part, elastic);
-        solve.record_start(part, common, elastic);
-    }
-    Ok(Some([first.finish()?, next.finish()?]))
+    let mut newton = blank()?;
+    elastic.record_trial(&mut newton, common, solve);
+    elastic.record_newton(&mut newton, common);
+    solve.record_operator(&mut newton, elastic);
+    solve.record_start(&mut newton, common, elastic);
+    newton.finish().map(Some)
 }
 
-fn iterate(stages: &Stages, max_iterations: u32, blank: Blank) -> Result<Vec<(u32, Recording)>> {
+fn iterate(stages: &Stages, max_iterations: u32, blank: Blank) -> Result<Plans> {
     let Stages { common, elastic, solve, .. } = stages;
-    let mut plans = Vec::new();
-    let mut length = SHORTEST_PLAN;
-    loop {
-        let mut plan = blank()?;
-        let iterations = length.min((max_iterations + 1).next_multiple_of(2));
-        solve.record_iterations(&mut plan, common, elastic, iterations);
-        plans.push((iterations, plan.finish()?));
-        if length > max_iterations {
-            return Ok(plans);
-        }
-        length = match length {
-            DOUBLED_FROM.. => 2 * length,
-            _ if length.is_power_of_two() => length / 2 * 3,
-            _ => length / 3 * 4,
-        };
-    }
+    Plans::new(max_iterations + 1, |iterations| {
+        let mut part = blank()?;
+        solve.record_iterations(&mut part, common, elastic, iterations);
+        part.finish()
+    })
 }
 
 fn end(stages: &Stages, blank: Blank) -> Result<Recording> {
-    let Stages { common, elastic, solve, touch, wrench, gap, probes, floating, .. } = stages;
+    let Stages { common, elastic, solve, touch, wrench, probes, floating, .. } = stages;
     let mut end = blank()?;
     solve.record_end(&mut end, common, elastic);
     if let (Some(wrench), Some(touch)) = (wrench, touch) {
         wrench.record(&mut end, common, &touch.contact.touch);
-    }
-    if let (Some(gap), Some(TouchStages { pose, skin, cull, depth: Some(depth), .. })) = (gap, touch) {
-        gap.record(&mut end, common, &Skins { pose, cull, skin, depth }, elastic, solve);
     }
     if let Some(floating) = floating {
         floating.record(&mut end, common, elastic);
@@ -168,6 +135,16 @@ fn end(stages: &Stages, blank: Blank) -> Result<Recording> {
         probes.record(&mut end, elastic);
     }
     end.finish()
+}
+
+fn gap(stages: &Stages, blank: Blank) -> Result<Option<Recording>> {
+    let Stages { common, elastic, solve, touch, gap, .. } = stages;
+    let (Some(gap), Some(TouchStages { pose, skin, cull, depth: Some(depth), .. })) = (gap, touch) else {
+        return Ok(None);
+    };
+    let mut part = blank()?;
+    gap.record(&mut part, common, &Skins { pose, cull, skin, depth }, elastic, solve);
+    part.finish().map(Some)
 }
 
 fn stop(stages: &Stages, blank: Blank) -> Result<Recording> {
@@ -234,31 +211,39 @@ impl Simulation {
         self.timed_every > 0 && self.step % self.timed_every == 1 % self.timed_every
     }
 
-    /// Submits the step, and after it whatever the verdict asks for: more iterations, another solve after contacts were
-    /// released, a further Newton iteration, or the check after the last of several. The report's number of iterations
-    /// is the sum over all solves.
+    /// Submits the step, and after it whatever the verdict asks for: more iterations, a further Newton iteration, or the
+    /// check after the last of several. The report's number of iterations is the sum over all solves.
     fn submit(&mut self) -> Result<Report> {
         let timed = self.is_timed();
         let turn = self.step.checked_div(self.timed_every).unwrap_or_default() as usize;
         let set = if timed { &self.timed[turn % self.timed.len()] } else { &self.plain };
-        let mut wanted = self.last_iterations + SPARE_ITERATIONS;
-        let (mut again, mut times) = (&set.resolve, Vec::new());
+        let mut wanted = self.needs.predicted();
+        let mut times = Vec::new();
+        let gap = set.gap.as_ref().filter(|_| self.is_in_haptic_loop());
         // The part to submit before the iterations, if any.
         let mut first = Some(&set.begin);
-        // Number of iterations of all earlier solves of this step together, and of the longest of those after which a
-        // further Newton iteration followed; solves before a release of contacts do not count for the latter.
-        let (mut earlier, mut longest) = (0, 0);
+        // Number of iterations of all earlier solves of this step together, of the longest, and the most that a plan
+        // needed.
+        let (mut earlier, mut longest, mut needed) = (0, 0, 0);
+        // Number of iterations that were submitted of the present solve.
+        let mut submitted = 0;
         for _ in 0..MOST_SUBMITS * (self.scene.step.newton + 1) {
-            let (planned, plan) = set.plan(wanted);
-            let all = [first.unwrap_or(&set.end), plan, &set.end];
-            let parts = if first.is_some() { &all[..] } else { &all[1..] };
+            let (planned, plan) = set.iterate.plan(wanted);
+            submitted = planned + if first.is_some() { 0 } else { submitted };
+            let mut all = [&set.end; MOST_PARTS + 3];
+            let mut count = 0;
+            for part in first.into_iter().chain(plan).chain([&set.end]).chain(gap) {
+                all[count] = part;
+                count += 1;
+            }
+            let parts = &all[..count];
             Recording::submit_all(parts)?;
             let timed_parts = if timed { parts } else { &[] };
             let part_times: Vec<(String, f64)> = timed_parts.iter().flat_map(|part| part.stage_times()).collect();
             self.last_work += StepWork {
-                solves: u32::from(first.is_some()),
+                solves: 0,
                 submits: 1,
-                planned_iterations: *planned,
+                planned_iterations: planned,
                 dependent_passes: parts.iter().map(|part| part.dependent_passes()).sum(),
                 gpu_us: timed.then(|| part_times.iter().map(|(_, us)| us).sum()),
             };
@@ -268,20 +253,23 @@ impl Simulation {
                 add_by_name(&mut self.pass_counts, passes.map(|pass| (pass.what.clone(), 1)));
             }
             let mut report = self.stages.common.report.mapped::<Report>()?[0];
+            if report.verdict == shaders::VERDICT_CONTINUE {
+                // As many iterations again as the solve has had, so that even a large limit is reached soon.
+                (first, wanted) = (None, submitted);
+                continue;
+            }
+            self.last_work.solves += 1 + report.releases;
+            longest = longest.max(report.iterations);
+            needed = needed.max(report.iterations + RELEASE_ITERATIONS * report.releases + 1);
             match report.verdict {
-                // The number of iterations doubles each time, so that even a large limit is reached soon.
-                shaders::VERDICT_CONTINUE => (first, wanted) = (None, 2 * wanted),
-                shaders::VERDICT_RETRY => {
-                    earlier += report.iterations;
-                    first = Some(again);
-                }
                 shaders::VERDICT_NEWTON => {
-                    let Some([next, others]) = &set.newton else { break };
-                    (earlier, longest) = (earlier + report.iterations, longest.max(report.iterations));
-                    (again, first) = (others, Some(next));
+                    let Some(next) = &set.newton else { break };
+                    earlier += report.iterations;
+                    (first, wanted) = (Some(next), self.needs.predicted());
                 }
                 _ => {
-                    self.last_iterations = longest.max(report.iterations);
+                    self.last_iterations = longest;
+                    self.needs.note(needed);
                     report.iterations += earlier;
                     self.last_timed = timed.then_some(times);
                     return Ok(report);

@@ -45,21 +45,23 @@ impl Simulation {
     /// The recordings of a step of `iterations` solver iterations, each with the number of times that its passes run in
     /// the step (not always a whole number).
     pub(super) fn parts(&self, iterations: u32) -> Vec<(&Recording, f64)> {
-        let (length, iterate) = &self.plain.iterate[0];
+        let (length, iterate) = self.plain.iterate.shortest();
         let newton = f64::from(self.scene.step.newton);
-        let share = f64::from(iterations) / f64::from(*length);
+        let share = f64::from(iterations) / f64::from(length);
         let mut parts = vec![(&self.plain.begin, 1.0), (iterate, share)];
         // Several Newton iterations are followed by a check, which needs no solver iterations.
         let ends = newton + if newton > 1.0 { 1.0 } else { 0.0 };
         parts.push((&self.plain.end, ends));
-        parts.extend(self.plain.newton.iter().map(|[first, _]| (first, ends - 1.0)));
+        parts.extend(self.plain.gap.iter().filter(|_| self.is_in_haptic_loop()).map(|gap| (gap, 1.0)));
+        parts.extend(self.plain.newton.iter().map(|newton| (newton, ends - 1.0)));
         parts
     }
 
     /// The arrays of all recordings of the step, each array once.
     fn arrays(&self) -> Vec<ArrayUse> {
         let mut arrays: Vec<ArrayUse> = Vec::new();
-        for recording in self.parts(1).into_iter().map(|(recording, _)| recording).chain([&self.plain.stop]) {
+        let parts = self.parts(1).into_iter().map(|(recording, _)| recording);
+        for recording in parts.chain(&self.plain.gap).chain([&self.plain.stop]) {
             for array in recording.arrays() {
                 if arrays.iter().all(|known| known.id != array.id) {
                     arrays.push(array.clone());

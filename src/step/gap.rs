@@ -22,7 +22,7 @@ impl Simulation {
     pub(super) fn add_gap(&mut self, report: &Report) -> Result<()> {
         // The GPU searches for a gap only in a haptic loop, in which the tool has no weight, and not in a frozen step,
         // in which no attempt succeeded.
-        let is_known = !self.has_weight && !Flags(report.flags).contains(Flags::FROZEN);
+        let is_known = self.is_in_haptic_loop() && !Flags(report.flags).contains(Flags::FROZEN);
         let touches = self.last_wrench.is_some_and(|w| w.pressing > 0.0 || w.wrench.force != DVec3::ZERO);
         if is_known && !touches {
             let gap = self.gap()?;

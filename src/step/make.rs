@@ -170,6 +170,7 @@ impl Prepared {
             max_force: f64::INFINITY,
             last_wrench: None,
             last_iterations: 0,
+            needs: Default::default(),
             last_work: StepWork::default(),
             last_timed: None,
             pass_counts: Vec::new(),

@@ -44,7 +44,8 @@ pub struct StepReport {
 /// What a step asked of the GPU, in all attempts at it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct StepWork {
-    /// Number of linear solves; the check after the last of several Newton iterations counts as one.
+    /// Number of linear solves; one more for each time that contacts were released, and one for the check after the last
+    /// of several Newton iterations.
     pub solves: u32,
     /// Number of submits to the GPU; the host waits for the end of each.
     pub submits: u32,

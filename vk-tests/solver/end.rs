@@ -1,21 +1,25 @@
-//! Tests of the kernel solve/conclude, which gives the verdict on a solve of A x = b (done, continue, retry, Newton
-//! iteration or failed), and of solve/commit, which moves the state to the end of the step. A block is the nodes of one
-//! workgroup; a contact that pulls at the end of the step is released, that is, it loses its stiffness, and the system
-//! is solved again. The tool is the rigid body that the haptic device leads, the oracle the f64 reference
+//! Tests of the kernel solve/conclude, which gives the verdict on a solve of A x = b (done, continue, Newton iteration or
+//! failed), and of solve/commit, which moves the state to the end of the step. A block is the nodes of one workgroup; a
+//! contact that pulls at the end of the step is released, that is, it loses its stiffness. The tool is the rigid body that the haptic device leads, the oracle the f64 reference
 //! implementation.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
+use palpate::internal::shaders::Contact;
 
 use super::passes::{Change, Passes, SKIN_PARTS, UNTOUCHED};
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{System, layer, layered, material, triples, two_layers};
+use crate::stage::elastic::expect_of_largest;
 
 /// Relative error of a few f32 roundings.
 const ROUNDING: Tolerance = Tolerance { abs: 0.0, rel: 2e-6 };
 /// Relative error of a residual of order one, which inner products through blocks inverted in f32 give.
 const RESIDUAL: Tolerance = Tolerance { abs: 0.0, rel: 1e-4 };
+/// Error of the impulses of contacts at a node or on the tool, relative to the largest: each is a sum of differences of
+/// terms some ten times as large.
+const PRODUCT: f64 = 1e-5;
 /// Relative error of a sum of contact forces, each of which is a difference of terms some ten times as large.
 const FORCES: Tolerance = Tolerance { abs: 0.0, rel: 1e-5 };
 /// The verdict that a solve is accepted. The five constants after it are bits of flags, as in `trace.csv`: not
@@ -116,15 +120,11 @@ fn verdicts_by_hand() {
     // The solve converged, but a Newton iteration is still to come: nothing is committed before the last one.
     passes = some_nodes();
     passes.system.params.newton = 3;
-    (passes.state.newton_iterations, passes.state.retries) = (1, 2);
+    passes.state.newton_iterations = 1;
     with_dots(&mut passes, &[[0.16, 0.0]]);
     passes.conclude();
     assert_eq!((passes.report.verdict, granted(&passes)), (shaders::VERDICT_NEWTON, [0; 2]));
-    assert_eq!(
-        (passes.state.newton_iterations, passes.state.retries),
-        (2, 0),
-        "Newton iterations done, and retries, which are counted from zero in each iteration"
-    );
+    assert_eq!(passes.state.newton_iterations, 2, "Newton iterations done");
     // The last of them is followed by a linearisation, whose residual is that of the nonlinear equations: 0.05 of a
     // right-hand side of norm 8. That is unsolved if it is above half of the norm of the step's first right-hand side.
     passes.conclude();
@@ -234,9 +234,9 @@ fn pressures(system: &System, change: &[f64]) -> Vec<f64> {
 }
 
 #[test]
-fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
-    // The kernels solve/stiffness_blocks, solve/gather and solve/conclude run on random vectors in place of a solution,
-    // and are compared with the oracle's b - A x.
+fn contacts_under_tension_are_released_and_the_residual_is_recomputed() {
+    // The kernels solve/contact_product, solve/gather and solve/conclude run on random vectors in place of a solution x,
+    // and are compared with the oracle's b - A x, with all contacts and without those that are under tension at x.
     for seed in 0..3 {
         let system = System::new(&two_layers(), 0.004, seed).with_tool();
         let system = if seed < 2 { system } else { system.with_friction() };
@@ -244,50 +244,84 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
         let mut random = Random(80 + seed);
         passes.record_start();
         passes.solution = passes.system.random_field(&mut random).iter().map(|x| x.map(|x| 0.3 * x)).collect();
-        passes.tool_iterate_mut().x = std::array::from_fn(|_| 0.3 * random.next() as f32);
-        passes.apply(Change::Solution);
-        passes.gather(2);
-        passes.state.status = 1;
-        let s = &passes.system;
-        let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
-        let x = s.unknowns(&passes.solution, &passes.tool_iterate().x);
-        let left: Vec<f64> = b.iter().zip(a.multiply(&x)).map(|(b, y)| b - y).collect();
-        let places = s.twin.unknowns();
-        let mut norm2 = 0.0;
-        for (i, first) in places.nodes.iter().flatten().enumerate() {
-            let [(first, _)] = &first[..] else { continue };
-            let r: [f64; 3] = std::array::from_fn(|k| left[first + k]);
-            norm2 += passes.precondition(i, r).iter().zip(r).map(|(z, r)| z * r).sum::<f64>();
-        }
-        let r = &left[places.tool..];
-        norm2 += (0..36).map(|k| r[k / 6] * passes.rigid_inverse(0, k / 6, k % 6) * r[k % 6]).sum::<f64>();
-        // The norm of b is chosen so that the residual stays below one: a solution with a greater residual is worse
-        // than x = 0 and fails.
-        passes.state.rhs_norm2 = 4.0 * norm2 as f32;
-        let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
-
-        let pressures = pressures(s, &x);
-        let before = s.contacts.clone();
+        let tool_x: [f32; 6] = std::array::from_fn(|_| 0.3 * random.next() as f32);
+        passes.tool_iterate_mut().x = tool_x;
+        let before = passes.system.contacts.clone();
+        let x = passes.system.unknowns(&passes.solution, &tool_x);
+        let pressures = pressures(&passes.system, &x);
         let on = |c: &usize| before[*c].stiffness != 0.0;
-        let is_under_tension: Vec<bool> = (0..100).map(|c| on(&c) && pressures[c] < 0.0).collect();
-        let released = is_under_tension.iter().filter(|p| **p).count();
-        assert!(released > 5 && released < 90, "number of contacts that pull: {released}");
-        let deepest = (0..100).filter(on).map(|c| before[c].depth).fold(0.0, f32::max);
-        let tool_x = passes.tool_iterate().x;
+        let pulls: Vec<bool> = (0..100).map(|c| on(&c) && pressures[c] < 0.0).collect();
+        let pulling = pulls.iter().filter(|p| **p).count();
+        assert!(pulling > 5 && pulling < 90, "number of contacts that pull: {pulling}");
+        // b - A x with these contacts, or without those of them that pull.
+        let left = |released: bool| -> Vec<f64> {
+            let s = &passes.system;
+            let kept = s.twin_contacts.iter().zip(&pulls).filter(|(_, pulls)| !(released && **pulls));
+            let kept: Vec<_> = kept.map(|(contact, _)| contact.clone()).collect();
+            let (a, b) = s.twin.assemble(s.device.as_ref(), &kept);
+            b.iter().zip(a.multiply(&x)).map(|(b, y)| b - y).collect()
+        };
+        let (with_all, without) = (left(false), left(true));
+
+        // An iteration counts the contacts that pull, and a later one releases them: with u = 0 its product is what the
+        // residual loses.
+        passes.apply(Change::Preconditioned);
+        let set = passes.state.current as usize;
+        assert_eq!(passes.state.pulling[set] as usize, pulling, "contacts that pull, seed {seed}");
+        assert_eq!(passes.system.contacts, before, "contacts that are only counted");
+        passes.iterations[set].is_release = 1;
+        passes.preconditioned.fill([0.0; 4]);
+        passes.tool_iterate_mut().u = [0.0; 6];
+        passes.apply(Change::Preconditioned);
+        passes.gather(1);
+        for (c, (now, was)) in passes.system.contacts.iter().zip(&before).enumerate() {
+            let want = Contact { stiffness: if pulls[c] { -was.stiffness } else { was.stiffness }, ..*was };
+            assert_eq!(*now, want, "contact {c}, with a pressure of {:e} Pa", pressures[c]);
+        }
+        assert_eq!(passes.state.pulling[set] as usize, pulling, "contacts that are released are not counted again");
+        let lost: Vec<f64> = with_all.iter().zip(&without).map(|(all, without)| all - without).collect();
+        let (nodes, twist) = passes.system.rows(&lost);
+        expect_of_largest("product at the nodes", &triples(&passes.operator_product), &nodes.concat(), PRODUCT);
+        expect_of_largest("product, force on the tool", &passes.tool_rows()[..3], &twist[..3], PRODUCT);
+        expect_of_largest("product, torque on the tool", &passes.tool_rows()[3..], &twist[3..], PRODUCT);
+        let just_released = passes.system.contacts.clone();
+
         // Sums of contact forces of the step before; they stay until a step is accepted.
         let mut kept = [3.0, 5.0];
         passes.state.normal_forces = kept.map(|force| force as f32);
-        for (retries, status) in [(0, 1), (3, 2), (4, 1), (0, 0)] {
-            passes.system.contacts = before.clone();
-            passes.system.counts.released = 0;
-            (passes.state.retries, passes.state.status) = (retries, status);
+        let deepest = |released: bool| {
+            let counted = (0..100).filter(on).filter(|c| !(released && pulls[*c]));
+            counted.map(|c| before[c].depth).fold(0.0, f32::max)
+        };
+        for (released, status) in [(true, 1), (true, 2), (true, 0), (false, 1), (false, 0)] {
+            passes.system.contacts = if released { just_released.clone() } else { before.clone() };
+            passes.apply(Change::End);
+            passes.gather(2);
+            let left = if released { &without } else { &with_all };
+            let places = passes.system.twin.unknowns();
+            let mut norm2 = 0.0;
+            for (i, first) in places.nodes.iter().flatten().enumerate() {
+                let [(first, _)] = &first[..] else { continue };
+                let r: [f64; 3] = std::array::from_fn(|k| left[first + k]);
+                norm2 += passes.precondition(i, r).iter().zip(r).map(|(z, r)| z * r).sum::<f64>();
+            }
+            let r = &left[places.tool..];
+            norm2 += (0..36).map(|k| r[k / 6] * passes.rigid_inverse(0, k / 6, k % 6) * r[k % 6]).sum::<f64>();
+            // The norm of b is chosen so that the residual stays below one: a solution with a greater residual is worse
+            // than x = 0 and fails.
+            passes.state.rhs_norm2 = 4.0 * norm2 as f32;
+            let want = (norm2 / f64::from(passes.state.rhs_norm2)).sqrt();
+            passes.state.status = status;
+            passes.state.pulling[set] = if released { 0 } else { pulling as u32 };
+            passes.iterations[set].releases = u32::from(released);
             passes.args.fill(UNTOUCHED);
             let trends = passes.rigid_trends[0].x;
             passes.conclude();
             let report = passes.report;
             expect_close("residual", &[report.residual], &[want], RESIDUAL);
-            assert_eq!((report.contacts, report.max_depth), ((0..100).filter(on).count() as u32, deepest));
-            assert_eq!(report.tool_change, tool_x);
+            let count = (0..100).filter(on).count() - if released { pulling } else { 0 };
+            assert_eq!((report.contacts, report.max_depth), (count as u32, deepest(released)));
+            assert_eq!((report.tool_change, report.releases), (tool_x, u32::from(released)));
             let forces = [true, false].map(|of_tool| {
                 let of_kind = (0..100).filter(on).filter(|c| (before[*c].tool_sign != 0.0) == of_tool);
                 of_kind.map(|c| pressures[c].max(0.0) * f64::from(before[c].area)).sum::<f64>()
@@ -295,31 +329,22 @@ fn pulling_contacts_are_dropped_and_the_residual_is_recomputed() {
             let want_forces = if report.verdict == DONE { forces } else { kept };
             expect_close("contact forces", &passes.state.normal_forces, &want_forces, FORCES);
             kept = want_forces;
-            let again = status != 0 && retries < 4;
-            assert_eq!(
-                report.verdict,
-                if status == 0 { shaders::VERDICT_CONTINUE } else { if again { shaders::VERDICT_RETRY } else { DONE } }
-            );
+            assert_eq!(report.verdict, if status == 0 { shaders::VERDICT_CONTINUE } else { DONE });
             for (c, (now, was)) in passes.system.contacts.iter().zip(&before).enumerate() {
-                let released = if again && is_under_tension[c] { 0.0 } else { 1.0 };
-                assert_eq!(
-                    now.stiffness,
-                    released * was.stiffness,
-                    "stiffness of contact {c}, with a pressure of {:e} Pa",
-                    pressures[c]
-                );
-                assert_eq!(now.damping, released * was.damping, "damping of contact {c}");
-                assert_eq!(now.friction, released * was.friction, "friction of contact {c}");
-                assert_eq!((now.normal, now.depth, now.area), (was.normal, was.depth, was.area));
+                let want = match (released && pulls[c], status) {
+                    (false, _) => *was,
+                    (true, 0) => just_released[c],
+                    (true, _) => Contact { stiffness: 0.0, damping: 0.0, friction: 0.0, ..*was },
+                };
+                assert_eq!(*now, want, "contact {c} after status {status}");
             }
-            assert_eq!(passes.state.retries, retries + u32::from(again));
-            assert_eq!(passes.system.counts.released, if again { released as u32 } else { 0 });
-            assert_eq!(report.flags, if status != 0 && !again { NOT_CONVERGED | PULLING } else { 0 });
+            let told = if released { NOT_CONVERGED } else { NOT_CONVERGED | PULLING };
+            assert_eq!(report.flags, if status == 0 { 0 } else { told });
             // The trend of an accepted step is its solution, to which the step's first solve added minus the last one.
             let moved: [f32; 6] = std::array::from_fn(|k| trends[k] + tool_x[k]);
             let want = if report.verdict == DONE { moved } else { trends };
             assert!(passes.rigid_trends.iter().all(|set| set.x == want), "trend of the tool");
-            if status == 0 || again {
+            if status == 0 {
                 assert_eq!(granted(&passes), [UNTOUCHED; 2]);
                 assert_eq!(passes.rigids[0].carried_residual, [0.0; 6]);
             } else {

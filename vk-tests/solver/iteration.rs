@@ -26,6 +26,11 @@ fn bare() -> Passes {
     passes
 }
 
+/// The scalars after `count` iterations in which no contact was released.
+fn after(count: u32, gamma: f32, alpha: f32, energies: [f32; 4], change: f32) -> Iteration {
+    Iteration { gamma, alpha, count, fresh: count, releases: 0, is_release: 0, energies, change }
+}
+
 #[test]
 fn two_iterations_by_hand() {
     // gamma = 6 and delta = 12 give alpha = 1/2; then gamma = 3 and delta = 5 give beta = 1/2 and alpha = gamma /
@@ -36,13 +41,13 @@ fn two_iterations_by_hand() {
     for (dots, iteration, p, x) in [
         (
             vec![[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]],
-            Iteration { gamma: 6.0, alpha: 0.5, count: 1, energies: [3.0, 0.0, 0.0, 0.0], change: 3.0 },
+            after(1, 6.0, 0.5, [3.0, 0.0, 0.0, 0.0], 3.0),
             1.0,
             0.5,
         ),
         (
             vec![[3.0, 5.0]],
-            Iteration { gamma: 3.0, alpha: 1.5, count: 2, energies: [4.5, 3.0, 0.0, 0.0], change: 7.5 },
+            after(2, 3.0, 1.5, [4.5, 3.0, 0.0, 0.0], 7.5),
             1.5,
             2.75,
         ),
@@ -73,7 +78,7 @@ fn it_stops_where_it_should() {
         let mut passes = bare();
         passes.dots = vec![[gamma, delta]];
         passes.state.current = 1;
-        passes.iterations[1] = Iteration { gamma: 8.0, alpha: 0.5, count: 3, energies: [4.0; 4], change: 16.0 };
+        passes.iterations[1] = after(3, 8.0, 0.5, [4.0; 4], 16.0);
         change(&mut passes);
         let (before, iterations) = (passes.state, passes.iterations);
         passes.update();
@@ -115,7 +120,7 @@ fn it_stops_where_it_should() {
     // asked where the residual is down to the rounding floor.
     fn limited(p: &mut Passes, count: u32, limit: f32) {
         p.contact = true;
-        (p.iterations[1].count, p.state.energy_limit) = (count, limit);
+        (p.iterations[1].fresh, p.state.energy_limit) = (count, limit);
     }
     assert_eq!(stopped(0.99, 10.0, |p| limited(p, 4, 16.0)), converged);
     assert_eq!(stopped(0.99, 10.0, |p| limited(p, 4, 15.9)), running);
@@ -130,7 +135,7 @@ fn it_stops_where_it_should() {
     // the error, the last one (2) times q / (1 - q) with the greatest ratio q = 1/2, is 1/1600 of the change (3200).
     fn loose(p: &mut Passes, count: u32, energies: [f32; 4], change: f32) {
         p.system.params.loosest = 10.0 * p.system.params.tolerance;
-        p.iterations[1] = Iteration { count, energies, change, ..p.iterations[1] };
+        p.iterations[1] = after(count, 8.0, 0.5, energies, change);
     }
     const FALLING: [f32; 4] = [2.0, 4.0, 16.0, 40.0];
     assert_eq!(stopped(99.0, 10.0, |p| loose(p, 4, FALLING, 3201.0)), converged);
@@ -145,8 +150,8 @@ fn it_stops_where_it_should() {
     }
     assert_eq!(stopped(99.0, 10.0, |p| loose_and_limited(p, 62.0)), converged);
     assert_eq!(stopped(99.0, 200.0, |p| loose_and_limited(p, 61.0)), running, "status with inaccurate normal forces");
-    assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 9), running);
-    assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].count = 10), stopped_at_most);
+    assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].fresh = 9), running);
+    assert_eq!(stopped(2.0, 10.0, |p| p.iterations[1].fresh = 10), stopped_at_most);
     assert_eq!(stopped(2.0, -10.0, |_| ()), broken);
     assert_eq!(stopped(2.0, 1.0, |_| ()), broken, "status where delta - beta gamma / alpha' = 0");
     assert_eq!(
@@ -159,6 +164,63 @@ fn it_stops_where_it_should() {
         assert_eq!(stopped(bad, 10.0, |_| ()), broken);
         assert_eq!(stopped(2.0, bad, |_| ()), broken);
     }
+}
+
+#[test]
+fn contacts_under_tension_are_released_before_the_loop_ends() {
+    // Where the loop would end (here it has converged, or reached the limit of iterations) and contacts are under
+    // tension, an iteration leaves x and r and sets u to zero, and the next one subtracts from r its operator product,
+    // the impulses that the released contacts lose. Then the search directions start anew.
+    for (gamma, fresh) in [(0.5, 4), (2.0, 10)] {
+        let mut passes = bare();
+        passes.contact = true;
+        passes.state.energy_limit = shaders::UNLIMITED;
+        passes.iterations[0] = Iteration { fresh, ..after(12, 8.0, 0.5, [4.0; 4], 16.0) };
+        passes.state.pulling = [3, 9];
+        let mut random = Random(7);
+        let mut field = || passes.system.random_field(&mut random);
+        (passes.solution, passes.residual, passes.preconditioned) = (field(), field(), field());
+        (passes.direction, passes.direction_product, passes.operator_product) = (field(), field(), field());
+        passes.inverse = [field(), field()].concat();
+        let lost = field();
+        let (x, r, last) = (passes.solution.clone(), passes.residual.clone(), passes.iterations[0]);
+        passes.dots = vec![[gamma, 10.0]];
+        passes.update();
+        assert_eq!((passes.state.status, passes.state.current, passes.state.pulling), (0, 1, [3, 0]));
+        assert_eq!(passes.iterations[1], Iteration { is_release: 1, ..last });
+        assert_eq!((&passes.solution, &passes.residual), (&x, &r), "x and r before the release");
+        assert!(passes.preconditioned.iter().all(|u| *u == [0.0; 4]), "u before the release");
+
+        (passes.operator_product, passes.dots) = (lost.clone(), vec![[0.0, 0.0]]);
+        passes.update();
+        assert_eq!((passes.state.status, passes.state.current, passes.state.pulling), (0, 0, [0, 0]));
+        let released = Iteration { releases: 1, ..after(12, 0.0, 0.0, [shaders::UNLIMITED; 4], 16.0) };
+        assert_eq!(passes.iterations[0], Iteration { fresh: 0, ..released });
+        assert_eq!(passes.solution, x, "x after the release");
+        let r: Vec<f64> =
+            triples(&r).iter().zip(triples(&lost)).map(|(r, s)| f64::from(*r) - f64::from(s)).collect();
+        expect_close("r after the release", &triples(&passes.residual), &r, ROUNDING);
+        let u: Vec<f64> =
+            r.chunks(3).enumerate().flat_map(|(i, r)| passes.precondition(i, [r[0], r[1], r[2]])).collect();
+        expect_close("u after the release", &triples(&passes.preconditioned), &u, ROUNDING);
+
+        // The first iteration after the release: p = u, and alpha = gamma / delta.
+        let u = passes.preconditioned.clone();
+        passes.dots = vec![[6.0, 12.0]];
+        passes.update();
+        let want = Iteration { releases: 1, fresh: 1, ..after(13, 6.0, 0.5, [3.0; 4], 19.0) };
+        let got = passes.iterations[1];
+        assert_eq!(Iteration { energies: [3.0; 4], ..got }, want, "scalars of the first iteration after the release");
+        assert_eq!(passes.direction, u);
+    }
+    // Contacts that still pull after four releases are not released.
+    let mut passes = bare();
+    passes.contact = true;
+    (passes.state.energy_limit, passes.state.pulling) = (shaders::UNLIMITED, [3, 0]);
+    passes.iterations[0] = Iteration { releases: 4, ..after(12, 8.0, 0.5, [4.0; 4], 16.0) };
+    passes.dots = vec![[0.5, 10.0]];
+    passes.update();
+    assert_eq!((passes.state.status, passes.state.current, passes.state.pulling), (1, 0, [3, 0]));
 }
 
 #[test]
@@ -185,7 +247,7 @@ fn tools_rows(set: u32) {
     // is added.
     assert_eq!(passes.dots.len(), 3, "number of inner products: of two blocks of nodes and of the tool");
     (passes.dots[0], passes.dots[1]) = ([30.0, 40.0], [10.0, 60.0]);
-    passes.iterations[set as usize] = Iteration { gamma: 80.0, alpha: 1.5, count: 1, energies: [0.0; 4], change: 0.0 };
+    passes.iterations[set as usize] = after(1, 80.0, 1.5, [0.0; 4], 0.0);
     let before = passes.tool_iterate();
     passes.update();
     assert_eq!((passes.state.current, passes.iterations_done()), (1 - set, 2));
@@ -243,7 +305,7 @@ fn vectors_follow_the_scalars_at_every_size() {
         // gives beta = 1 / -2.5 = -0.4 and alpha = 1 / (delta + 0.4) = 0.7.
         let set = case % 2;
         passes.state.current = set as u32;
-        passes.iterations[set] = Iteration { gamma: -2.5, alpha: 1.0, count: 1, energies: [0.0; 4], change: 0.0 };
+        passes.iterations[set] = after(1, -2.5, 1.0, [0.0; 4], 0.0);
         let share = 1.0 / passes.blocks().max(1) as f32;
         passes.dots = vec![[share, share * (1.0 / 0.7 - 0.4)]; passes.blocks()];
         let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };

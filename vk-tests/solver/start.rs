@@ -37,19 +37,19 @@ fn the_warm_start_and_the_arguments_by_hand() {
     // solve/first_residual: with the last solution x and the trend d, x.b = 3, x.Ax = 4, x.Ad = 2, d.b = 2 and d.Ad = 2,
     // f x + g d has the least error for f = g = 1/2. Its difference from the last step's solution is (f - 1) x + g d in
     // a step's first solve, and f x + (g + 1) d in others. There are two blocks of 80 nodes.
-    for (retries, change) in [(0, 0.5), (3, 8.5)] {
+    for (newton_iterations, change) in [(0, 0.5), (3, 8.5)] {
         let system = System::new(&[layered(layer(160), material(2e4), glam::DQuat::IDENTITY)], 0.0, 1);
         let mut passes = Passes::new(system);
         passes.partials = vec![[2.0, 0.25], [1.0, 0.5]];
         passes.projections = vec![[1.0, 1.5, 0.5, 0.0], [2.0, 2.5, 1.5, 0.0]];
         passes.trend_projections = vec![[0.5, 0.75, 9.0, 0.0], [1.5, 1.25, 9.0, 0.0]];
-        passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9, energies: [5.0; 4], change: 20.0 };
-        (passes.state.retries, passes.state.current) = (retries, 1);
+        passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9, fresh: 9, energies: [5.0; 4], ..Iteration::zeroed() };
+        (passes.state.newton_iterations, passes.state.current) = (newton_iterations, 1);
         passes.state.solution_dt = passes.system.params.dt;
         passes.start();
         let s = &passes.state;
         assert_eq!((s.warm_start, s.rhs_norm2, s.floor_norm2), ([0.5, 0.5], 3.0, 0.75));
-        assert_eq!((s.current, s.status, s.retries), (0, 0, retries));
+        assert_eq!((s.current, s.status, s.newton_iterations), (0, 0, newton_iterations));
         let first = Iteration { change, ..Iteration::zeroed() };
         assert_eq!(passes.iterations, [first, Iteration::zeroed()]);
         let tetrahedra = passes.tetrahedra().div_ceil(context().group_size() as usize) as u32;
@@ -162,7 +162,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         let tool_trend: [f32; 6] = std::array::from_fn(|_| 20.0 * random.next() as f32);
         passes.trend = trend.clone();
         passes.rigid_trends.iter_mut().for_each(|set| set.x = tool_trend);
-        passes.state.retries = seed as u32 % 3;
+        passes.state.newton_iterations = seed as u32 % 3;
         passes.rigids[0].carried_residual = std::array::from_fn(|_| 1e-3 * random.next() as f32);
         passes.assemble();
         passes.apply(Change::Solution);
@@ -199,9 +199,9 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         let largest = start[tool..].iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let rounding = Tolerance { abs: 1e-6 * largest, rel: 0.0 };
         expect_close("tool's part of the solution x", &tool_now.x, &start[tool..], rounding);
-        let begins = state.retries == 0;
+        let begins = state.newton_iterations == 0;
         let left = if begins { tool_x.map(|x| -x) } else { tool_trend };
-        assert!(passes.rigid_trends.iter().all(|set| set.x == left), "the tool's trend in solve {}", state.retries);
+        assert!(passes.rigid_trends.iter().all(|set| set.x == left), "the tool's trend in solve {}", state.newton_iterations);
         let magnitude = |rows: std::ops::Range<usize>| -> f64 {
             rows.map(|k| b[tool + k].abs().max((f * y[tool + k]).abs()).max((g * w[tool + k]).abs()))
                 .fold(0.0, f64::max)
@@ -265,7 +265,7 @@ fn the_first_iterate_at_every_size() {
     // is zero, its vectors are not used.
     let width = context().group_size() as usize;
     for nodes in [0, 1, width - 1, width, width + 1, 1234] {
-        for (factors, retries) in [([0.75, -0.5], 0), ([0.75, 0.0], 1), ([0.5, 0.25], 1), ([0.0, 0.0], 0)] {
+        for (factors, newton_iterations) in [([0.75, -0.5], 0), ([0.75, 0.0], 1), ([0.5, 0.25], 1), ([0.0, 0.0], 0)] {
             let bodies =
                 if nodes == 0 { vec![] } else { vec![layered(layer(nodes), material(2e4), glam::DQuat::IDENTITY)] };
             let mut passes = Passes::new(System::new(&bodies, 0.0, 1));
@@ -274,7 +274,7 @@ fn the_first_iterate_at_every_size() {
             (passes.solution, passes.rhs, passes.operator_product) = (field(), field(), field());
             (passes.trend, passes.trend_product) = (field(), field());
             passes.inverse = [field(), field()].concat();
-            (passes.state.warm_start, passes.state.retries) = (factors, retries);
+            (passes.state.warm_start, passes.state.newton_iterations) = (factors, newton_iterations);
             // Attached nodes are in no block and keep their values.
             for (i, role) in passes.roles().iter().enumerate().filter(|(_, role)| role.is_some()) {
                 assert_eq!(*role, Some(0), "role of the block that owns node {i} (0: block of free nodes)");
@@ -303,7 +303,7 @@ fn the_first_iterate_at_every_size() {
             let rounding = Tolerance { abs: 2e-7, rel: 0.0 };
             expect_close("x", &got(&passes.solution), &of_free(both(&x, &d)), rounding);
             let left = x.iter().map(|x| if f == 0.0 { 0.0 } else { -f64::from(*x) });
-            if retries == 0 {
+            if newton_iterations == 0 {
                 expect_close("d", &got(&passes.trend), &of_free(left.collect()), ROUNDING);
             } else {
                 assert!(triples(&passes.trend).iter().zip(&d).all(|(a, b)| a.to_bits() == b.to_bits()), "the trend");

@@ -28,7 +28,6 @@ const LAST: Counts = Counts {
     chunks_asked: 11,
     contacts: 4,
     entries: 5,
-    released: 6,
     turn: 7,
     last_contacts: 8,
     flags: 9,

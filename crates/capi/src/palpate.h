@@ -178,8 +178,7 @@
 // was.
 #define PALPATE_FLAG_FROZEN 128
 
-// Flag of a step: contacts under tension were released and the solve was repeated, but after the last solve other
-// contacts are under tension.
+// Flag of a step: contacts under tension were released, but after the last release other contacts are under tension.
 #define PALPATE_FLAG_ADHESIVE_DROPPED_TWICE 256
 
 // Flag of a step: a body, or a rigid core in it, turned so far within the step that the body may gain energy.

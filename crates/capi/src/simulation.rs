@@ -121,8 +121,7 @@ pub const PALPATE_FLAG_STEP_RETRIED: u32 = 64;
 /// Flag of a step: the step failed with shorter time steps too, so everything that forces move was stopped where it
 /// was.
 pub const PALPATE_FLAG_FROZEN: u32 = 128;
-/// Flag of a step: contacts under tension were released and the solve was repeated, but after the last solve other
-/// contacts are under tension.
+/// Flag of a step: contacts under tension were released, but after the last release other contacts are under tension.
 pub const PALPATE_FLAG_ADHESIVE_DROPPED_TWICE: u32 = 256;
 /// Flag of a step: a body, or a rigid core in it, turned so far within the step that the body may gain energy.
 pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;

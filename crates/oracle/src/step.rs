@@ -20,7 +20,8 @@ use crate::wrench::{self, Wrench};
 
 /// Flag of a step: contacts were under tension even after the last repeated solve; their force counts as zero.
 pub const TENSION_REMAINS: u32 = 256;
-/// Greatest number of repeated solves after contacts under tension are released; the GPU engine has the same number.
+/// Greatest number of repeated solves after contacts under tension are released; the GPU engine releases them as often,
+/// but goes on with its iterations.
 pub const MAX_RETRIES: usize = 4;
 
 /// A contact with its forces at the end of the step.

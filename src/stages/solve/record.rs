@@ -14,17 +14,19 @@ use crate::shaders;
 /// preconditioned residual of one set of iterates.
 #[derive(Clone, Copy)]
 enum Change {
-    Solution,
+    /// The last solution, before the iterations.
+    Start,
     Trend,
     Preconditioned { set: u32 },
+    /// The solution, after the iterations.
+    End,
 }
 
 impl Solve {
-    /// Records the reset, at the start of a step, of two counters of the solver's state: how often contacts were
-    /// released and the system was solved again, and how many Newton iterations were done.
+    /// Records the reset, at the start of a step, of the number of Newton iterations that were done.
     pub fn record_reset(&self, recorder: &mut Recorder) {
         recorder.stage("solve");
-        recorder.fill_range(&self.state, offset_of!(shaders::Solve, retries) as u64, 8, 0);
+        recorder.fill_range(&self.state, offset_of!(shaders::Solve, newton_iterations) as u64, 4, 0);
     }
 
     /// Records the assembly of the operator, if it is assembled, after the stage `elastic` has written its gradients.
@@ -46,6 +48,36 @@ impl Solve {
     /// Records what precedes the iterations: right-hand side, preconditioner, warm start, first residual.
     pub fn record_start(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
+        let vectors = [Change::Start, Change::Trend];
+        if self.assembled().is_some() {
+            // Neither of the products needs anything of the other or of solve/assemble.
+            recorder.together(|recorder| {
+                self.record_assemble(recorder, common, elastic);
+                for change in vectors {
+                    self.record_product(recorder, common, elastic, change);
+                }
+            });
+            self.record_cores(recorder, common, elastic);
+            for change in vectors {
+                self.record_gather(recorder, common, elastic, &self.gather_warm_start, change);
+            }
+        } else {
+            // The products write the elements' forces, which solve/assemble and solve/gather read.
+            self.record_assemble(recorder, common, elastic);
+            self.record_cores(recorder, common, elastic);
+            for change in vectors {
+                self.record_product(recorder, common, elastic, change);
+                self.record_gather(recorder, common, elastic, &self.gather_warm_start, change);
+            }
+        }
+        if let Some(coarse) = &self.coarse {
+            self.record_coarse(recorder, &coarse.warm_start, &self.restricted_rhs);
+        }
+        self.record_first_iterate(recorder, common, elastic);
+    }
+
+    /// Records right-hand side and preconditioner.
+    fn record_assemble(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         let touch = self.touch.as_ref();
         recorder.dispatch_groups(
             &self.assemble,
@@ -82,14 +114,11 @@ impl Solve {
             },
             self.block_count,
         );
-        self.record_cores(recorder, common, elastic);
-        for change in [Change::Solution, Change::Trend] {
-            self.record_product(recorder, common, elastic, change);
-            self.record_gather(recorder, common, elastic, &self.gather_warm_start, change);
-        }
-        if let Some(coarse) = &self.coarse {
-            self.record_coarse(recorder, &coarse.warm_start, &self.restricted_rhs);
-        }
+    }
+
+    /// Records the choice of the warm start, and the first iterate.
+    fn record_first_iterate(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+        let touch = self.touch.as_ref();
         recorder.dispatch_groups(
             &self.first_residual,
             &shaders::solve::FirstResidual {
@@ -188,7 +217,7 @@ impl Solve {
                 next_preconditioned: Some(self.preconditioned.next(set)),
                 next_direction: Some(self.direction.next(set)),
                 next_direction_product: Some(self.direction_product.next(set)),
-                args: &common.args,
+                args: Some(&common.args),
                 rigid_inverses: Some(&self.rigid_inverses),
             };
             recorder.together(|recorder| {
@@ -210,8 +239,8 @@ impl Solve {
     pub fn record_end(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("solve");
         let touch = self.touch.as_ref();
-        self.record_product(recorder, common, elastic, Change::Solution);
-        self.record_gather(recorder, common, elastic, &self.gather_final, Change::Solution);
+        self.record_product(recorder, common, elastic, Change::End);
+        self.record_gather(recorder, common, elastic, &self.gather_final, Change::End);
         if let Some(coarse) = &self.coarse {
             self.record_coarse(recorder, &coarse.end, &self.restricted_residual);
         }
@@ -312,12 +341,15 @@ impl Solve {
     /// Records what precedes [`Solve::record_gather`] in a product of the operator with a vector: contacts and, where the
     /// operator is matrix-free, tetrahedra and F-bar patches (groups of tetrahedra that share one volumetric strain).
     fn record_product(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
-        let (of_solution, set, vector, iterates) = match change {
-            Change::Solution => (1, 0, &self.solution, &self.iterates),
-            Change::Trend => (1, 0, &self.trend.nodes, &self.trend.rigids),
-            Change::Preconditioned { set } => (0, set, self.preconditioned.now(set), &self.iterates),
+        let (product, set, vector, iterates) = match change {
+            Change::Start => (shaders::PRODUCT_START, 0, &self.solution, &self.iterates),
+            Change::Trend => (shaders::PRODUCT_START, 0, &self.trend.nodes, &self.trend.rigids),
+            Change::Preconditioned { set } => {
+                (shaders::PRODUCT_LOOP, set, self.preconditioned.now(set), &self.iterates)
+            }
+            Change::End => (shaders::PRODUCT_END, 0, &self.solution, &self.iterates),
         };
-        let in_loop = of_solution == 0;
+        let in_loop = product == shaders::PRODUCT_LOOP;
         let of_elements = shaders::solve::ElementProduct {
             tetrahedra: &elastic.tetrahedra,
             gradients: &elastic.gradients,
@@ -350,7 +382,7 @@ impl Solve {
             }
             if let Some(touch) = &self.touch {
                 let arguments = shaders::solve::ContactProduct {
-                    of_solution,
+                    product,
                     set,
                     params: &common.params,
                     change: vector,
@@ -358,9 +390,14 @@ impl Solve {
                     contacts: &touch.contacts,
                     entry_nodes: &touch.entry_nodes,
                     entry_weights: &touch.entry_weights,
-                    solve: Some(&self.state),
+                    solution: &self.solution,
+                    solve: &self.state,
+                    iterations: &self.iterations,
                     iterates: Some(iterates),
-                    contact_forces: &touch.contact_forces,
+                    contact_forces: match change {
+                        Change::Trend => &self.trend.contact_forces,
+                        _ => &touch.contact_forces,
+                    },
                 };
                 let args_index = if in_loop { shaders::ARGS_LOOP_CONTACT_PRODUCT } else { shaders::ARGS_CONTACTS };
                 recorder.dispatch_indirect(&self.contact_product, &arguments, &common.args, args_index);
@@ -384,8 +421,9 @@ impl Solve {
         let residual_or_rhs = set.map_or(&self.rhs, |set| self.residual.now(set));
         let vector = if set.is_some() { preconditioned } else { &self.solution };
         let usual = (vector, &self.iterates, &self.operator_product, &self.restricted_product, &self.projections);
-        let (change, iterates, operator_product, restricted_product, projections) = match (change, &self.trend) {
-            (Change::Trend, t) => (&t.nodes, &t.rigids, &t.operator_product, &t.restricted_product, &t.projections),
+        let is_trend = matches!(change, Change::Trend);
+        let (change, iterates, operator_product, restricted_product, projections) = match (is_trend, &self.trend) {
+            (true, t) => (&t.nodes, &t.rigids, &t.operator_product, &t.restricted_product, &t.projections),
             _ => usual,
         };
         let (touch, assembled) = (self.touch.as_ref(), self.assembled());
@@ -405,7 +443,10 @@ impl Solve {
             sorted: touch.map(|touch| &touch.sorted),
             counts: Some(&common.counts),
             contacts: touch.map(|touch| &touch.contacts),
-            contact_forces: touch.map(|touch| &touch.contact_forces),
+            contact_forces: touch.map(|touch| match is_trend {
+                true => &self.trend.contact_forces,
+                false => &touch.contact_forces,
+            }),
             change: Some(change),
             preconditioned: Some(preconditioned),
             trend: Some(&self.trend.nodes),

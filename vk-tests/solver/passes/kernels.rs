@@ -3,6 +3,7 @@
 //! core is a rigid body inside a soft one, to which nodes are attached and whose motion the solver finds.
 
 use palpate::internal::gpu::Size;
+use palpate::internal::shaders;
 use palpate::internal::shaders::{Contact, Iteration, RigidIterate};
 
 use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
@@ -150,6 +151,11 @@ impl Passes {
 
     fn apply_contacts(&mut self, change: Change) {
         let (s, (vector, iterates)) = (&self.system, self.changed(change));
+        let product = match change {
+            Change::Preconditioned => shaders::PRODUCT_LOOP,
+            Change::Solution | Change::Trend => shaders::PRODUCT_START,
+            Change::End => shaders::PRODUCT_END,
+        };
         if self.contact {
             let outcome = case("solve/contact_product")
                 .constant("FRICTION", self.friction)
@@ -157,23 +163,27 @@ impl Passes {
                 .input("params", &[s.params])
                 .input("change", vector)
                 .input("counts", &[s.counts])
-                .input("contacts", &s.contacts)
+                .inout("contacts", &s.contacts)
                 .input("entry_nodes", &s.entry_nodes)
                 .input("entry_weights", &s.entry_weights)
-                .input("solve", &[self.state])
+                .input("solution", &self.solution)
+                .inout("solve", &[self.state])
+                .input("iterations", &self.iterations)
                 .input("iterates", iterates)
                 .output::<[f32; 4]>("contact_forces", s.contacts.len())
-                .push(&[u32::from(change != Change::Preconditioned), self.state.current])
+                .push(&[product, self.state.current])
                 .elements(s.contacts.len())
                 .run();
             self.contact_forces = outcome.get("contact_forces");
+            self.state = outcome.get("solve")[0];
+            self.system.contacts = outcome.get("contacts");
         }
     }
 
     /// The vector at the nodes that the operator is applied to, and the iterates of the rigid bodies that belong to it.
     fn changed(&self, change: Change) -> (&[[f32; 4]], &[RigidIterate]) {
         match change {
-            Change::Solution => (&self.solution, &self.iterates),
+            Change::Solution | Change::End => (&self.solution, &self.iterates),
             Change::Trend => (&self.trend, &self.rigid_trends),
             Change::Preconditioned => (&self.preconditioned, &self.iterates),
         }
@@ -182,7 +192,7 @@ impl Passes {
     /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and determines
     /// which vectors enter the inner products.
     pub fn gather(&mut self, mode: u32) {
-        let change = if mode == 1 { Change::Preconditioned } else { Change::Solution };
+        let change = [Change::Solution, Change::Preconditioned, Change::End][mode as usize];
         self.gather_of(mode, change);
     }
 
@@ -209,7 +219,7 @@ impl Passes {
         self.restricted_product = settled("restricted_product", modes("restricted_product"), |i| {
             self.coarse || self.role_of_coarse_index(i / 3) != FREE
         });
-        self.restricted_residual = settled("restricted_residual", modes("restricted_residual"), |_| self.coarse);
+        self.restricted_residual = settled("restricted_residual", modes("restricted_residual"), |_| self.coarse && mode != 0);
     }
 
     fn gather_variant(&self, mode: u32, change: Change, variant: &Variant) -> Outcome {
@@ -472,7 +482,7 @@ impl Passes {
             .input("contact_forces", &self.contact_forces)
             .input("iterations", &self.iterations)
             .input("iterates", &self.iterates)
-            .inout("counts", &[s.counts])
+            .input("counts", &[s.counts])
             .inout("contacts", &s.contacts)
             .inout("solve", &[self.state])
             .inout("rigids", &self.rigids)
@@ -489,7 +499,6 @@ impl Passes {
         self.core_changes = outcome.get("core_changes");
         self.args = outcome.get("args");
         self.report = outcome.get("report")[0];
-        self.system.counts = outcome.get("counts")[0];
         self.system.contacts = outcome.get::<Contact>("contacts");
     }
 

@@ -18,13 +18,14 @@ pub use kernels::SKIN_PARTS;
 use crate::harness::case;
 use crate::solver::system::System;
 
-/// The change of velocity that is multiplied by the operator A: the solution, the trend (difference of
-/// the last two solutions), or the preconditioned residual.
+/// The change of velocity that is multiplied by the operator A: the solution before the iterations, the trend (difference
+/// of the last two solutions), the preconditioned residual, or the solution after the iterations.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Change {
     Solution,
     Trend,
     Preconditioned,
+    End,
 }
 
 /// A linear system to be solved, and the solver's arrays, which have the names that the kernels give them.
@@ -251,10 +252,9 @@ impl Passes {
         }
     }
 
-    /// Runs the passes that recompute the residual and decide whether the step is done, must be solved again, or has
-    /// failed.
+    /// Runs the passes that recompute the residual and decide whether the step is done, goes on, or has failed.
     pub fn record_end(&mut self) {
-        self.apply(Change::Solution);
+        self.apply(Change::End);
         self.gather(2);
         if self.coarse {
             self.coarse(false);

@@ -14,7 +14,7 @@ const FLAGS: [(Flags, &str); 10] = [
     (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),
     (Flags::STEP_RETRIED, "the solver broke down, and the step was done again in halves"),
     (Flags::DEPTH_BEYOND_LIMIT, "the sphere is deeper in the block than `depth_limit`"),
-    (Flags::TENSION_REMAINS, "the sphere bounces off within a step, and contacts still pull after four solves"),
+    (Flags::TENSION_REMAINS, "the sphere bounces off within a step, and contacts still pull after four releases"),
     (Flags::NOT_CONVERGED, "the solver stopped at a residual above that expected of single precision"),
     (Flags::TURNS_TOO_FAR, "the block turns too far in a step for its stiffness"),
     (Flags::INVERTED, "tetrahedra were inside out"),
