@@ -7,11 +7,6 @@ const uint FREE_NODES = 0;      // works on blocks of free nodes
 const uint ATTACHED_NODES = 1;   // works on blocks of nodes attached to dynamic cores
 const uint TOOL_ROWS = 2;       // works on the six equations (rows) of the tool, which has no nodes
 
-// Vectors p that solve/contact_product takes the product with.
-const uint PRODUCT_LOOP = 0;    // in an iteration: the preconditioned residual u
-const uint PRODUCT_START = 1;   // before the iterations: the last solution, or the trend
-const uint PRODUCT_END = 2;     // after the iterations: the solution
-
 // Variants of solve/gather, selected by the specialization constant MODE. Each runs at its own time, relative to the
 // conjugate gradient iterations.
 const uint GATHER_WARM_START = 0;     // before the iterations, for the warm start (from the last solution and the trend)

@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 /// Standard workgroup size of kernels, invocations: two warps or one wavefront of a GPU. On lavapipe all sizes from 64
 /// to 1024 were equally fast.
-const GROUP_SIZE: u32 = 64;
+pub(super) const GROUP_SIZE: u32 = 64;
 /// Workgroup size, invocations, on a GPU, of kernels whose invocations synchronise at barriers.
 const REDUCE_SIZE: u32 = 128;
 /// The sizes that may be asked for instead.
@@ -653,7 +653,7 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
 }
 
 /// Workgroup size of kernels whose invocations synchronise at barriers, on a device; `asked`: the size asked for.
-fn reduce_size(chosen: &Candidate, asked: Option<u32>) -> Result<u32> {
+pub(super) fn reduce_size(chosen: &Candidate, asked: Option<u32>) -> Result<u32> {
     let limits = &chosen.properties.limits;
     let most = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
     match asked {

@@ -6,6 +6,7 @@ use std::ffi::CStr;
 
 use ash::vk;
 
+use super::details::details;
 use super::failed;
 use crate::error::{Error, Result};
 
@@ -39,6 +40,8 @@ pub struct DeviceInfo {
     pub api_version: String,
     /// `Ok` if palpate can run on the device; otherwise the reason why it cannot.
     pub usable: std::result::Result<(), String>,
+    /// What the device offers, and what palpate chooses for it, each with a name, in words. Empty if it is not usable.
+    pub details: Vec<(&'static str, String)>,
 }
 
 /// A physical device that may be chosen, with those of its properties that the engine needs.
@@ -158,8 +161,9 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)).trim().to_string(),
         api_version: version(api),
         usable,
+        details: Vec::new(),
     };
-    Candidate {
+    let mut candidate = Candidate {
         physical,
         info,
         queue_family: family.unwrap_or(0) as u32,
@@ -176,7 +180,9 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         portability_subset: offers(ash::khr::portability_subset::NAME),
         properties,
         cache_key: format!("{}-{}", hex(&ids.device_uuid), hex(&ids.driver_uuid)),
-    }
+    };
+    candidate.info.details = details(instance, &candidate);
+    candidate
 }
 
 /// Whether the device can export the memory of buffers to other programs as a file descriptor.

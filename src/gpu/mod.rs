@@ -15,6 +15,7 @@ mod canvas;
 mod check;
 mod context;
 mod debug;
+mod details;
 mod device;
 mod draw;
 mod host;

@@ -32,7 +32,7 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
         "depth/ray_hits" if graphics => "the graphics path finds the ray hits",
         "elastic/trial" if model.newton == 1 => "the step has one Newton iteration",
         "elastic/mean_dilatation" | "solve/patch_product" if model.patches.count() == 0 => "there are no F-bar patches",
-        "solve/contact_product" if !touches => "nothing can touch",
+        "solve/contact_product" | "solve/contact_iteration" if !touches => "nothing can touch",
         "solve/coarse" if model.coarse.bodies.is_empty() => "the preconditioner of no body has a coarse level",
         "solve/cores" if model.cores.is_empty() => "no dynamic cores",
         "solve/stiffness_blocks" | "solve/element_product" if model.tetrahedra.is_empty() => "no tetrahedra",

@@ -265,7 +265,7 @@ fn passes_are_timed_by_kernel_and_counted() {
     }
     for (row, plain) in rows.iter().zip(&plain_rows) {
         let StepWork { solves, submits, planned_iterations, dependent_passes, gpu_us } = row.work;
-        assert!(solves >= 1 && submits >= solves, "{:?}", row.work);
+        assert!(solves >= 1 && submits >= 1, "{:?}", row.work);
         assert!(planned_iterations >= row.iterations, "{:?} for {} iterations", row.work, row.iterations);
         assert_eq!(StepWork { gpu_us: None, ..row.work }, StepWork { gpu_us: None, ..plain.work });
         // An iteration has two passes at least.

@@ -1,11 +1,19 @@
-//! `palpate devices`: one line per Vulkan device, beginning with the index that `--device` takes.
+//! `palpate devices`: one line per Vulkan device, beginning with the index that `--device` takes, and what each offers.
 
 use palpate::{Error, Result};
 
 use crate::{engine, print};
 
+/// Options of `palpate devices`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Also list what each device offers (queue, memory, limits), and which sizes are chosen for it
+    #[arg(long)]
+    verbose: bool,
+}
+
 /// Lists all Vulkan devices; the line of a device that cannot be used says why.
-pub fn devices() -> Result<()> {
+pub fn devices(arguments: &Arguments) -> Result<()> {
     let devices = engine::devices()?;
     let mut lines = String::new();
     for device in &devices {
@@ -16,6 +24,9 @@ pub fn devices() -> Result<()> {
             lines += &format!("  not usable: {reason}");
         }
         lines.push('\n');
+        for (name, value) in device.details.iter().filter(|_| arguments.verbose) {
+            lines += &format!("   {name:<12}{value}\n");
+        }
     }
     print(&lines)?;
     match devices.iter().any(|device| device.usable.is_ok()) {

@@ -63,7 +63,7 @@ enum Command {
     #[cfg(feature = "view")]
     View(view::Arguments),
     /// List the Vulkan devices; if a device cannot be used, its line says why
-    Devices,
+    Devices(devices::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -85,7 +85,7 @@ fn main() -> ExitCode {
         Command::Figures(arguments) => figures::figures(&arguments),
         #[cfg(feature = "view")]
         Command::View(arguments) => view::view(&arguments),
-        Command::Devices => devices::devices(),
+        Command::Devices(arguments) => devices::devices(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -6,7 +6,7 @@ use std::mem::offset_of;
 
 use super::super::Common;
 use super::super::elastic::Elastic;
-use super::{Operator, Solve, Trend, Variant};
+use super::{Operator, Solve, Touch, Trend, Variant};
 use crate::gpu::{Buffer, Kernel, Recorder};
 use crate::shaders;
 
@@ -341,15 +341,12 @@ impl Solve {
     /// Records what precedes [`Solve::record_gather`] in a product of the operator with a vector: contacts and, where the
     /// operator is matrix-free, tetrahedra and F-bar patches (groups of tetrahedra that share one volumetric strain).
     fn record_product(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, change: Change) {
-        let (product, set, vector, iterates) = match change {
-            Change::Start => (shaders::PRODUCT_START, 0, &self.solution, &self.iterates),
-            Change::Trend => (shaders::PRODUCT_START, 0, &self.trend.nodes, &self.trend.rigids),
-            Change::Preconditioned { set } => {
-                (shaders::PRODUCT_LOOP, set, self.preconditioned.now(set), &self.iterates)
-            }
-            Change::End => (shaders::PRODUCT_END, 0, &self.solution, &self.iterates),
+        let vector = match change {
+            Change::Start | Change::End => &self.solution,
+            Change::Trend => &self.trend.nodes,
+            Change::Preconditioned { set } => self.preconditioned.now(set),
         };
-        let in_loop = product == shaders::PRODUCT_LOOP;
+        let in_loop = matches!(change, Change::Preconditioned { .. });
         let of_elements = shaders::solve::ElementProduct {
             tetrahedra: &elastic.tetrahedra,
             gradients: &elastic.gradients,
@@ -381,28 +378,49 @@ impl Solve {
                 }
             }
             if let Some(touch) = &self.touch {
-                let arguments = shaders::solve::ContactProduct {
-                    product,
-                    set,
-                    params: &common.params,
-                    change: vector,
-                    counts: &common.counts,
-                    contacts: &touch.contacts,
-                    entry_nodes: &touch.entry_nodes,
-                    entry_weights: &touch.entry_weights,
-                    solution: &self.solution,
-                    solve: &self.state,
-                    iterations: &self.iterations,
-                    iterates: Some(iterates),
-                    contact_forces: match change {
-                        Change::Trend => &self.trend.contact_forces,
-                        _ => &touch.contact_forces,
-                    },
-                };
-                let args_index = if in_loop { shaders::ARGS_LOOP_CONTACT_PRODUCT } else { shaders::ARGS_CONTACTS };
-                recorder.dispatch_indirect(&self.contact_product, &arguments, &common.args, args_index);
+                self.record_contacts(recorder, common, touch, change);
             }
         });
+    }
+
+    /// Records the contacts' part of a product.
+    fn record_contacts(&self, recorder: &mut Recorder, common: &Common, touch: &Touch, change: Change) {
+        if let Change::Preconditioned { set } = change {
+            let arguments = shaders::solve::ContactIteration {
+                set,
+                params: &common.params,
+                change: self.preconditioned.now(set),
+                solution: &self.solution,
+                counts: &common.counts,
+                contacts: &touch.contacts,
+                entry_nodes: &touch.entry_nodes,
+                entry_weights: &touch.entry_weights,
+                solve: &self.state,
+                iterations: &self.iterations,
+                iterates: Some(&self.iterates),
+                contact_forces: &touch.contact_forces,
+            };
+            let kernel = &self.contact_iteration;
+            recorder.dispatch_indirect(kernel, &arguments, &common.args, shaders::ARGS_LOOP_CONTACT_PRODUCT);
+            return;
+        }
+        let (vector, iterates, contact_forces) = match (change, &self.trend) {
+            (Change::Trend, trend) => (&trend.nodes, &trend.rigids, &trend.contact_forces),
+            _ => (&self.solution, &self.iterates, &touch.contact_forces),
+        };
+        let arguments = shaders::solve::ContactProduct {
+            is_solution: matches!(change, Change::End).into(),
+            params: &common.params,
+            change: vector,
+            counts: &common.counts,
+            contacts: &touch.contacts,
+            entry_nodes: &touch.entry_nodes,
+            entry_weights: &touch.entry_weights,
+            solve: Some(&self.state),
+            iterates: Some(iterates),
+            contact_forces,
+        };
+        recorder.dispatch_indirect(&self.contact_product, &arguments, &common.args, shaders::ARGS_CONTACTS);
     }
 
     /// Records the passes that sum the products of elements and contacts at the nodes, and take the inner products of

@@ -150,33 +150,37 @@ impl Passes {
     }
 
     fn apply_contacts(&mut self, change: Change) {
+        if !self.contact {
+            return;
+        }
         let (s, (vector, iterates)) = (&self.system, self.changed(change));
-        let product = match change {
-            Change::Preconditioned => shaders::PRODUCT_LOOP,
-            Change::Solution | Change::Trend => shaders::PRODUCT_START,
-            Change::End => shaders::PRODUCT_END,
-        };
-        if self.contact {
-            let outcome = case("solve/contact_product")
-                .constant("FRICTION", self.friction)
-                .constant("RIGIDS", self.rigid_count())
-                .input("params", &[s.params])
-                .input("change", vector)
-                .input("counts", &[s.counts])
-                .inout("contacts", &s.contacts)
-                .input("entry_nodes", &s.entry_nodes)
-                .input("entry_weights", &s.entry_weights)
+        let in_loop = change == Change::Preconditioned;
+        let case = case(if in_loop { "solve/contact_iteration" } else { "solve/contact_product" })
+            .constant("FRICTION", self.friction)
+            .constant("RIGIDS", self.rigid_count())
+            .input("params", &[s.params])
+            .input("change", vector)
+            .input("counts", &[s.counts])
+            .input("entry_nodes", &s.entry_nodes)
+            .input("entry_weights", &s.entry_weights)
+            .input("iterates", iterates)
+            .output::<[f32; 4]>("contact_forces", s.contacts.len())
+            .elements(s.contacts.len());
+        if in_loop {
+            let outcome = case
                 .input("solution", &self.solution)
-                .inout("solve", &[self.state])
                 .input("iterations", &self.iterations)
-                .input("iterates", iterates)
-                .output::<[f32; 4]>("contact_forces", s.contacts.len())
-                .push(&[product, self.state.current])
-                .elements(s.contacts.len())
+                .inout("contacts", &s.contacts)
+                .inout("solve", &[self.state])
+                .push(&self.state.current)
                 .run();
             self.contact_forces = outcome.get("contact_forces");
             self.state = outcome.get("solve")[0];
             self.system.contacts = outcome.get("contacts");
+        } else {
+            let is_solution = u32::from(change == Change::End);
+            let case = case.input("contacts", &s.contacts).input("solve", &[self.state]).push(&is_solution);
+            self.contact_forces = case.run().get("contact_forces");
         }
     }
 
