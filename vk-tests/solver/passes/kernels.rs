@@ -3,7 +3,6 @@
 //! core is a rigid body inside a soft one, to which nodes are attached and whose motion the solver finds.
 
 use palpate::internal::gpu::Size;
-use palpate::internal::shaders;
 use palpate::internal::shaders::{Contact, Iteration, RigidIterate};
 
 use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
