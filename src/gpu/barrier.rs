@@ -186,7 +186,7 @@ mod tests {
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
         assert!(!waits(&[write(1)]));
         assert!(hazards.begin_together());
-        assert!(!hazards.before(&[write(4)]).is_some());
+        assert!(hazards.before(&[write(4)]).is_none());
         assert!(!hazards.begin_together(), "a group within a group is a part of it");
         let mut waits = |uses: &[Use]| hazards.before(uses).is_some();
         assert!(!waits(&[write(2), write(3)]));
