@@ -21,8 +21,14 @@ use crate::error::{Error, Result};
 pub enum Memory {
     /// GPU memory; the CPU reaches it only by copies through a staging buffer, which is mapped.
     Device,
-    /// Mapped, coherent memory that the CPU writes.
+    /// Memory that the CPU writes and the GPU reads: mapped and coherent, and on the GPU as far as the device has such
+    /// memory. Where it has none, or [`Options::copies_inputs`] asks for it, GPU memory with a mapped staging array
+    /// beside it, which [`super::Recorder::upload`] copies.
+    ///
+    /// [`Options::copies_inputs`]: crate::Options::copies_inputs
     Upload,
+    /// Mapped, coherent memory in which the CPU leaves what is to be copied.
+    Staging,
     /// Mapped, coherent and cached memory that the CPU reads.
     Readback,
 }
@@ -67,6 +73,8 @@ pub(super) struct Inner {
     /// the device's limit.
     pub views: Option<[vk::BufferView; 2]>,
     allocation: Option<Allocation>,
+    /// The mapped array that is copied into this one, where the CPU cannot write this one: see [`Memory::Upload`].
+    pub staging: Option<Buffer>,
     /// Dedicated memory of an array that is shared with other programs, and the size of that memory, bytes.
     own: Option<(vk::DeviceMemory, u64)>,
     /// Locks readers and writers on the CPU against each other while memory is mapped.
@@ -95,6 +103,10 @@ impl Buffer {
                 context.device_name()
             )));
         }
+        let is_copied = memory == Memory::Upload && context.copies_inputs();
+        let staging = || Self::made(context, &format!("{name} (staging)"), bytes, Memory::Staging, false);
+        let staging = is_copied.then(staging).transpose()?;
+        let memory = if is_copied { Memory::Device } else { memory };
         let usage = if is_shared { SHARED_USAGE } else { USAGE };
         let size = bytes.max(LEAST_BYTES).next_multiple_of(4);
         let is_external = is_shared && context.shares_memory();
@@ -114,6 +126,7 @@ impl Buffer {
             memory,
             views: None,
             allocation: None,
+            staging,
             own: None,
             mapping: RwLock::new(()),
         };
@@ -219,7 +232,7 @@ impl Buffer {
             return Ok(());
         }
         let staging =
-            Buffer::from_slice(&self.inner.context, &format!("{} (write)", self.inner.name), data, Memory::Upload)?;
+            Buffer::from_slice(&self.inner.context, &format!("{} (write)", self.inner.name), data, Memory::Staging)?;
         let mut recorder = Recorder::untimed(&self.inner.context)?;
         recorder.stage("write");
         recorder.copy(&staging, self);
@@ -229,6 +242,9 @@ impl Buffer {
     /// A view of the mapped memory for reading, without a copy. Drop the view before submitting work that writes this
     /// buffer.
     pub fn mapped<T: Pod>(&self) -> Result<Mapped<'_, T>> {
+        if let Some(staging) = &self.inner.staging {
+            return staging.mapped();
+        }
         let pointer = self.pointer::<T>()?;
         let guard = self.inner.mapping.read().unwrap_or_else(|e| e.into_inner());
         Ok(Mapped { pointer, length: self.length::<T>(), _guard: guard, _of: PhantomData })
@@ -237,6 +253,9 @@ impl Buffer {
     /// A view of the mapped memory for writing, without a copy. Drop the view before submitting work that uses this
     /// buffer.
     pub fn mapped_mut<T: Pod>(&self) -> Result<MappedMut<'_, T>> {
+        if let Some(staging) = &self.inner.staging {
+            return staging.mapped_mut();
+        }
         let pointer = self.pointer::<T>()?;
         let guard = self.inner.mapping.write().unwrap_or_else(|e| e.into_inner());
         Ok(MappedMut { pointer, length: self.length::<T>(), _guard: guard, _of: PhantomData })
@@ -267,7 +286,7 @@ impl Inner {
     fn allocate(&mut self) -> Result<()> {
         let location = match self.memory {
             Memory::Device => MemoryLocation::GpuOnly,
-            Memory::Upload => MemoryLocation::CpuToGpu,
+            Memory::Upload | Memory::Staging => MemoryLocation::CpuToGpu,
             Memory::Readback => MemoryLocation::GpuToCpu,
         };
         let device = &self.context.device;

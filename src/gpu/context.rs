@@ -78,6 +78,9 @@ pub struct Options {
     /// Number of invocations in a workgroup of kernels whose invocations synchronise: a power of two from 8 to 256.
     /// `None`: one subgroup on a CPU, 128 on any other device. So kernels can be run on a CPU at the sizes of a GPU.
     pub workgroup: Option<u32>,
+    /// Copies what the CPU writes for each step into GPU memory, also where the CPU can write GPU memory itself. For
+    /// tests: a device without such memory always does so.
+    pub copies_inputs: bool,
     /// Receives the engine's messages. A log with a receiver also gets the validation layer's messages, which are then
     /// not kept for [`Context::validation_messages`].
     pub log: Log,
@@ -119,6 +122,9 @@ pub struct Context {
     pub(super) limits: vk::PhysicalDeviceLimits,
     pub(super) timestamp_bits: u32,
     pub(super) allocated: AtomicU64,
+    copies_inputs: bool,
+    /// Whether the queue can draw.
+    pub(super) graphics: bool,
     info: DeviceInfo,
     subgroup_size: u32,
     reduce_size: u32,
@@ -251,6 +257,8 @@ impl Context {
             limits,
             timestamp_bits: chosen.timestamp_bits,
             allocated: AtomicU64::new(0),
+            copies_inputs: options.copies_inputs || !has_mapped_device_memory(&memory),
+            graphics: chosen.graphics,
             info: chosen.info,
             subgroup_size: chosen.subgroup_size,
             reduce_size,
@@ -323,6 +331,11 @@ impl Context {
         self.subgroup_size
     }
 
+    /// Whether what the CPU writes for each step is copied into GPU memory, which the CPU cannot write itself.
+    pub(super) fn copies_inputs(&self) -> bool {
+        self.copies_inputs
+    }
+
     /// Whether shaders may use 64-bit atomics on storage buffers; a device need not support them.
     #[doc(hidden)]
     pub fn int64_atomics(&self) -> bool {
@@ -334,6 +347,12 @@ impl Context {
     #[doc(hidden)]
     pub fn fragment_stores(&self) -> bool {
         self.fragment_stores
+    }
+
+    /// Greatest number of workgroups of a dispatch.
+    #[doc(hidden)]
+    pub fn most_workgroups(&self) -> u32 {
+        self.limits.max_compute_work_group_count[0]
     }
 
     /// How kernels reach arrays of vectors that they only read: the kind given by [`Options::arrays`], else the kind
@@ -653,6 +672,13 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
 }
 
 /// Workgroup size of kernels whose invocations synchronise at barriers, on a device; `asked`: the size asked for.
+/// Whether the device has memory of its own that is mapped and coherent for the CPU.
+fn has_mapped_device_memory(memory: &vk::PhysicalDeviceMemoryProperties) -> bool {
+    use vk::MemoryPropertyFlags as Flags;
+    let wanted = Flags::DEVICE_LOCAL | Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
+    memory.memory_types[..memory.memory_type_count as usize].iter().any(|ty| ty.property_flags.contains(wanted))
+}
+
 pub(super) fn reduce_size(chosen: &Candidate, asked: Option<u32>) -> Result<u32> {
     let limits = &chosen.properties.limits;
     let most = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);

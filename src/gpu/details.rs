@@ -26,7 +26,15 @@ pub(super) fn details(instance: &ash::Instance, of: &Candidate) -> Vec<(&'static
     };
     let sums = if of.full_subgroups { "sums over a subgroup are used" } else { "no sums over a subgroup" };
     let mut rows = vec![
-        ("queue", format!("family {} of {}, {queue}", of.queue_family, families.len())),
+        (
+            "queue",
+            format!(
+                "family {} of {}, {}, {queue}",
+                of.queue_family,
+                families.len(),
+                if of.graphics { "which draws" } else { "which cannot draw" }
+            ),
+        ),
         ("subgroups", format!("{} lanes; {sums}", of.subgroup_size)),
         (
             "workgroups",
@@ -71,7 +79,8 @@ pub(super) fn details(instance: &ash::Instance, of: &Candidate) -> Vec<(&'static
         let flags = |ty: &&vk::MemoryType| ty.heap_index as usize == index;
         let visible = vk::MemoryPropertyFlags::HOST_VISIBLE;
         let is_visible = types.iter().filter(flags).any(|ty| ty.property_flags.contains(visible));
-        let whose = if heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL) { "of the device" } else { "of the host" };
+        let whose =
+            if heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL) { "of the device" } else { "of the host" };
         let access = if is_visible { "the CPU can write it" } else { "the CPU cannot write it" };
         rows.push(("memory", format!("{} {whose}; {access}", bytes(heap.size))));
     }

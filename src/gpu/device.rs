@@ -49,6 +49,8 @@ pub(super) struct Candidate {
     pub physical: vk::PhysicalDevice,
     pub info: DeviceInfo,
     pub queue_family: u32,
+    /// Whether the queue can draw.
+    pub graphics: bool,
     pub timestamp_bits: u32,
     pub subgroup_size: u32,
     /// Whether all subgroups of a kernel have `subgroup_size` lanes, if it asks for full ones, and can add over them.
@@ -138,15 +140,15 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     let properties = all.properties;
     // SAFETY: `physical` belongs to this live instance.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
-    let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-    let family = families.iter().position(|f| f.queue_flags.contains(wanted));
+    let family = queue_family(families.iter().map(|family| family.queue_flags));
+    let graphics = family.is_some_and(|family| families[family].queue_flags.contains(vk::QueueFlags::GRAPHICS));
     // SAFETY: `physical` belongs to this live instance.
     let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
     let offers = |name: &CStr| extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name));
     let features = features(instance, physical, api);
     let usable = match (features.lacking, family) {
         (Some(why), _) => Err(why),
-        (None, None) => Err("it has no queue family with both graphics and compute".into()),
+        (None, None) => Err("it has no queue family with compute".into()),
         (None, Some(_)) => Ok(()),
     };
     let hex = |bytes: &[u8]| bytes.iter().map(|b| format!("{b:02x}")).collect::<String>();
@@ -167,6 +169,7 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         physical,
         info,
         queue_family: family.unwrap_or(0) as u32,
+        graphics,
         timestamp_bits: family.map_or(0, |f| families[f].timestamp_valid_bits),
         subgroup_size: subgroup.subgroup_size,
         full_subgroups: features.full_subgroups
@@ -174,7 +177,7 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
             && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
             && subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::ARITHMETIC),
         int64_atomics: features.int64_atomics,
-        fragment_stores: features.fragment_stores,
+        fragment_stores: features.fragment_stores && graphics,
         external_memory_fd: offers(ash::khr::external_memory_fd::NAME) && exports_buffers(instance, physical),
         swapchain: offers(ash::khr::swapchain::NAME),
         portability_subset: offers(ash::khr::portability_subset::NAME),
@@ -183,6 +186,14 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     };
     candidate.info.details = details(instance, &candidate);
     candidate
+}
+
+/// The first family with graphics and compute, else the first with compute alone: without graphics everything runs but
+/// what draws.
+fn queue_family(flags: impl Iterator<Item = vk::QueueFlags> + Clone) -> Option<usize> {
+    let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    let first = |wanted| flags.clone().position(|flags| flags.contains(wanted));
+    first(both).or_else(|| first(vk::QueueFlags::COMPUTE))
 }
 
 /// Whether the device can export the memory of buffers to other programs as a file descriptor.
@@ -250,4 +261,18 @@ fn kind(ty: vk::PhysicalDeviceType) -> DeviceKind {
 fn version(api: u32) -> String {
     let (major, minor) = (vk::api_version_major(api), vk::api_version_minor(api));
     format!("{major}.{minor}.{}", vk::api_version_patch(api))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_queue_that_draws_is_preferred_and_one_that_computes_will_do() {
+        let (graphics, compute) = (vk::QueueFlags::GRAPHICS, vk::QueueFlags::COMPUTE);
+        let family = |flags: &[vk::QueueFlags]| queue_family(flags.iter().copied());
+        assert_eq!(family(&[vk::QueueFlags::TRANSFER, compute, graphics | compute]), Some(2));
+        assert_eq!(family(&[graphics, compute]), Some(1));
+        assert_eq!(family(&[graphics]), None);
+    }
 }

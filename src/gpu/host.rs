@@ -23,7 +23,7 @@ pub struct HostDevice {
     pub device: u64,
     /// VkQueue of the device, which the engine submits to.
     pub queue: u64,
-    /// Queue family of `queue`; it must support graphics and compute.
+    /// Queue family of `queue`; it must support compute, and graphics where pictures are drawn.
     pub queue_family: u32,
     /// Whether shaderInt64 and shaderBufferInt64Atomics are enabled.
     pub int64_atomics: bool,
@@ -87,7 +87,7 @@ impl HostDevice {
     }
 
     /// The host's physical device, with only those optional features that the host enabled. Fails if the device cannot
-    /// run palpate or does not belong to the instance, or if the queue family lacks graphics or compute.
+    /// run palpate or does not belong to the instance, or if the queue family lacks compute.
     pub(super) fn candidate(&self, instance: &ash::Instance) -> Result<Candidate> {
         let own = vk::PhysicalDevice::from_raw(self.physical_device);
         let found = device::candidates(instance)?.into_iter().find(|candidate| candidate.physical == own);
@@ -103,7 +103,6 @@ impl HostDevice {
         }
         // SAFETY: the instance and its physical device are alive, as the caller of [`HostDevice::instance`] promised.
         let families = unsafe { instance.get_physical_device_queue_family_properties(own) };
-        let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
         match families.get(self.queue_family as usize) {
             None => {
                 return Err(wrong(&format!(
@@ -112,14 +111,17 @@ impl HostDevice {
                     families.len()
                 )));
             }
-            Some(family) if !family.queue_flags.contains(wanted) => {
-                return Err(wrong(&format!("queue_family {} lacks graphics or compute", self.queue_family)));
+            Some(family) if !family.queue_flags.contains(vk::QueueFlags::COMPUTE) => {
+                return Err(wrong(&format!("queue_family {} lacks compute", self.queue_family)));
             }
-            Some(family) => candidate.timestamp_bits = family.timestamp_valid_bits,
+            Some(family) => {
+                candidate.timestamp_bits = family.timestamp_valid_bits;
+                candidate.graphics = family.queue_flags.contains(vk::QueueFlags::GRAPHICS);
+            }
         }
         candidate.queue_family = self.queue_family;
         candidate.int64_atomics &= self.int64_atomics;
-        candidate.fragment_stores &= self.fragment_stores;
+        candidate.fragment_stores &= self.fragment_stores && candidate.graphics;
         candidate.full_subgroups = false;
         candidate.external_memory_fd &= self.external_memory_fd;
         Ok(candidate)

@@ -82,6 +82,12 @@ impl RasterPipeline {
     }
 
     fn made(context: &Arc<Context>, name: &str, constants: &[(&str, Const)], onto: &Onto) -> Result<RasterPipeline> {
+        if !context.graphics {
+            return Err(Error::NoDevice(format!(
+                "{} cannot draw {name}: its queue only computes; choose another device for pictures (--device)",
+                context.device_name()
+            )));
+        }
         let (vertex_words, vertex) = shader(context, &format!("{name}.vert"), context.arrays())?;
         let (fragment_words, fragment) = shader(context, &format!("{name}.frag"), context.arrays())?;
         let (of_vertex, of_fragment): (Vec<_>, Vec<_>) = (

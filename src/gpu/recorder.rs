@@ -143,7 +143,7 @@ impl Recorder {
 
     /// Records a dispatch of `groups` workgroups; for 0 it records nothing.
     pub fn dispatch_groups(&mut self, kernel: &Kernel, arguments: &dyn Arguments, groups: u32) {
-        let limit = self.commands.context.limits.max_compute_work_group_count[0];
+        let limit = self.commands.context.most_workgroups();
         let fits = if groups > limit {
             Err(self.error(format!("kernel {}: {groups} workgroups, but the device's limit is {limit}", kernel.name())))
         } else {
@@ -194,6 +194,13 @@ impl Recorder {
             self.fail(format!("fill of {}: {what}", buffer.name()));
         } else if bytes > 0 {
             self.fill_words(buffer, first_byte, bytes, value);
+        }
+    }
+
+    /// Records the copy of what the CPU wrote into an array of [`Memory::Upload`], where that is in another place.
+    pub fn upload(&mut self, buffer: &Buffer) {
+        if let Some(staging) = buffer.inner.staging.clone() {
+            self.copy(&staging, buffer);
         }
     }
 

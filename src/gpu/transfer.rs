@@ -29,7 +29,7 @@ pub fn write_all(context: &Arc<Context>, arrays: &[&Buffer], bytes: &[u8]) -> Re
     if bytes.is_empty() {
         return Ok(());
     }
-    let staging = Buffer::from_slice(context, "arrays (write)", bytes, Memory::Upload)?;
+    let staging = Buffer::from_slice(context, "arrays (write)", bytes, Memory::Staging)?;
     copy(context, arrays, |recorder, array, at| recorder.copy_range(&staging, at, array, 0, array.bytes()))
 }
 

@@ -192,6 +192,7 @@ impl Query {
         touch.record(&mut warm_up, &common, &elastic, None);
         warm_up.finish()?.submit_and_wait()?;
         let record = |mut recorder: Recorder| {
+            common.record_inputs(&mut recorder);
             touch.record(&mut recorder, &common, &elastic, None);
             recorder.finish()
         };

@@ -93,6 +93,8 @@ impl Draw {
 
     /// Records two passes over all skin vertices.
     pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
+        recorder.upload(&self.frames);
+        recorder.upload(&self.links);
         self.points.record(recorder, &self.frames, elastic);
         let arguments = shaders::draw::Normals {
             triangles: &self.triangles,

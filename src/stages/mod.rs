@@ -37,7 +37,7 @@ use std::sync::Arc;
 use bytemuck::Pod;
 
 use crate::Result;
-use crate::gpu::{Buffer, Const, Context, Memory};
+use crate::gpu::{Buffer, Const, Context, Memory, Recorder};
 use crate::scene::Scene;
 use crate::shaders::{self, Counts, Frame, Joint, Link, Report, StepParams};
 pub use flags::{Explanation, Flags};
@@ -160,6 +160,17 @@ impl Common {
             args: zeros::<u32>(context, "args", ARGS_WORDS)?,
             report: Buffer::new(context, "report", size_of::<Report>() as u64, Memory::Readback)?,
         })
+    }
+
+    /// Records the copies of what the host wrote for the step, where kernels cannot read it in place.
+    pub fn record_inputs(&self, recorder: &mut Recorder) {
+        if self.params.memory() == Memory::Upload {
+            return;
+        }
+        recorder.stage("solve");
+        for array in [&self.params, &self.frames, &self.joints, &self.links] {
+            recorder.upload(array);
+        }
     }
 }
 

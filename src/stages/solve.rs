@@ -268,12 +268,7 @@ impl Solve {
             )?,
             operator,
             contact_product: Kernel::new(context, "solve/contact_product", Size::Group, &[friction, tool, rigids])?,
-            contact_iteration: Kernel::new(
-                context,
-                "solve/contact_iteration",
-                Size::Group,
-                &[friction, tool, rigids],
-            )?,
+            contact_iteration: Kernel::new(context, "solve/contact_iteration", Size::Group, &[friction, tool, rigids])?,
             patch_product: (patch_count > 0).then(patch_product).transpose()?,
             gather_warm_start: gather(shaders::GATHER_WARM_START)?,
             gather_loop: gather(shaders::GATHER_LOOP)?,

@@ -11,8 +11,8 @@ use super::model::Model;
 use super::skin::Skin;
 use super::solve::Solve;
 use super::{Common, pose};
-use crate::Result;
 use crate::gpu::{Context, Recorder};
+use crate::{Error, Result};
 
 /// The stages from pose to contact, which only scenes where something can touch have.
 pub struct TouchStages {
@@ -34,6 +34,17 @@ impl TouchStages {
     /// or compute, `None` where no two skins can meet; `blend`: given to [`Contact::new`] as `blend` and to
     /// [`Cull::new`] as `smooth`.
     pub fn new(context: &Arc<Context>, model: &Model, path: Option<Path>, blend: bool) -> Result<TouchStages> {
+        // Numbers of workgroups that the GPU itself sets, so that no dispatch checks them.
+        let most = context.most_workgroups();
+        for (what, count) in [("pairs of hulls", model.proxy_pairs.len()), ("hulls", model.pair_proxies.len())] {
+            if count > most as usize {
+                return Err(Error::Memory(format!(
+                    "{count} {what} may touch, but {} runs at most {most} workgroups at once; give bodies fewer \
+                     collision hulls",
+                    context.device_name()
+                )));
+            }
+        }
         Ok(TouchStages {
             pose: pose::Pose::new(context, model)?,
             skin: Skin::new(context, model)?,
@@ -53,6 +64,7 @@ impl TouchStages {
 
     /// Records the stage pose, which also resets the counters of the step.
     pub fn record_pose(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
+        recorder.upload(&self.cull.pairs);
         self.pose.record(recorder, common, elastic, &self.skin);
     }
 

@@ -78,6 +78,7 @@ impl Recordings {
 fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
     let Stages { common, elastic, solve, touch, attached, .. } = stages;
     let mut begin = blank()?;
+    common.record_inputs(&mut begin);
     if let Some(attached) = attached {
         attached.record(&mut begin, common, elastic, solve);
     }

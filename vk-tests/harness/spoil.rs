@@ -10,7 +10,8 @@ use palpate_glsl::Arrays;
 pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
     // Cargo sets this variable for tests, and crates/bench/pack/run.sh where there is no repository.
     let here = std::env::var("CARGO_MANIFEST_DIR").unwrap_or(env!("CARGO_MANIFEST_DIR").into());
-    let root = Path::new(&here).ancestors().map(|folder| folder.join("shaders")).find(|shaders| shaders.is_dir()).unwrap();
+    let root =
+        Path::new(&here).ancestors().map(|folder| folder.join("shaders")).find(|shaders| shaders.is_dir()).unwrap();
     let plain = root.join(kernel);
     let source = if palpate_glsl::kind(&plain).is_some() { plain } else { root.join(format!("{kernel}.comp")) };
     let text = inlined(&root, &source);

@@ -1,5 +1,6 @@
 //! Scenes must give bit-identical results whether kernels read arrays through texel buffers or through storage buffers,
-//! and also where texel buffers are limited to the size that every Vulkan device supports.
+//! also where texel buffers are limited to the size that every Vulkan device supports, and where what the CPU writes for
+//! each step is copied into GPU memory.
 
 use std::path::Path;
 
@@ -36,6 +37,8 @@ fn expect_the_same(name: &str, steps: usize) {
     let texel = left(&scene, Options { arrays: Some(Arrays::Texel), ..Options::of_program() }, steps);
     let storage = left(&scene, Options { arrays: Some(Arrays::Storage), ..Options::of_program() }, steps);
     let few = left(&scene, Options { texel_elements: Some(GUARANTEED), ..Options::of_program() }, steps);
+    let copied = left(&scene, Options { copies_inputs: true, ..Options::of_program() }, steps);
+    assert_eq!(copied, storage, "{name}: results with copied inputs (left) and without (right)");
     assert!(texel.len() > 4 * steps, "{name}: too few results to compare");
     assert_eq!(
         texel.iter().zip(&storage).position(|(a, b)| a != b),
@@ -43,6 +46,19 @@ fn expect_the_same(name: &str, steps: usize) {
         "{name}: index of the first result that differs between texel and storage buffers"
     );
     assert_eq!(few, storage, "{name}: results with small texel buffers (left) and with storage buffers (right)");
+}
+
+#[test]
+fn inputs_are_copied_where_options_ask_for_it() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/touch-head.toml");
+    let scene = Scene::load(&file).unwrap();
+    let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+    let passes = [false, true].map(|copies_inputs| {
+        let options = Options { device: device.clone(), copies_inputs, ..Options::of_program() };
+        Simulation::open(&scene, &options).unwrap().explain(8).passes
+    });
+    // Parameters, frames, joints and pairs; there are no links of frames.
+    assert_eq!(passes[1] - passes[0], 4, "passes with and without copies: {passes:?}");
 }
 
 #[test]

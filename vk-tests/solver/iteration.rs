@@ -39,18 +39,8 @@ fn two_iterations_by_hand() {
     let mut passes = bare();
     let ones = vec![[1.0, 1.0, 1.0, 0.0]; 8];
     for (dots, iteration, p, x) in [
-        (
-            vec![[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]],
-            after(1, 6.0, 0.5, [3.0, 0.0, 0.0, 0.0], 3.0),
-            1.0,
-            0.5,
-        ),
-        (
-            vec![[3.0, 5.0]],
-            after(2, 3.0, 1.5, [4.5, 3.0, 0.0, 0.0], 7.5),
-            1.5,
-            2.75,
-        ),
+        (vec![[1.0, 2.0], [2.0, 4.0], [3.0, 6.0]], after(1, 6.0, 0.5, [3.0, 0.0, 0.0, 0.0], 3.0), 1.0, 0.5),
+        (vec![[3.0, 5.0]], after(2, 3.0, 1.5, [4.5, 3.0, 0.0, 0.0], 7.5), 1.5, 2.75),
     ] {
         let before = passes.iterations[passes.state.current as usize];
         (passes.dots, passes.preconditioned) = (dots, ones.clone());
@@ -197,8 +187,7 @@ fn contacts_under_tension_are_released_before_the_loop_ends() {
         let released = Iteration { releases: 1, ..after(12, 0.0, 0.0, [shaders::UNLIMITED; 4], 16.0) };
         assert_eq!(passes.iterations[0], Iteration { fresh: 0, ..released });
         assert_eq!(passes.solution, x, "x after the release");
-        let r: Vec<f64> =
-            triples(&r).iter().zip(triples(&lost)).map(|(r, s)| f64::from(*r) - f64::from(s)).collect();
+        let r: Vec<f64> = triples(&r).iter().zip(triples(&lost)).map(|(r, s)| f64::from(*r) - f64::from(s)).collect();
         expect_close("r after the release", &triples(&passes.residual), &r, ROUNDING);
         let u: Vec<f64> =
             r.chunks(3).enumerate().flat_map(|(i, r)| passes.precondition(i, [r[0], r[1], r[2]])).collect();

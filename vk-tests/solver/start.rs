@@ -43,7 +43,8 @@ fn the_warm_start_and_the_arguments_by_hand() {
         passes.partials = vec![[2.0, 0.25], [1.0, 0.5]];
         passes.projections = vec![[1.0, 1.5, 0.5, 0.0], [2.0, 2.5, 1.5, 0.0]];
         passes.trend_projections = vec![[0.5, 0.75, 9.0, 0.0], [1.5, 1.25, 9.0, 0.0]];
-        passes.iterations[0] = Iteration { gamma: 1.0, alpha: 2.0, count: 9, fresh: 9, energies: [5.0; 4], ..Iteration::zeroed() };
+        passes.iterations[0] =
+            Iteration { gamma: 1.0, alpha: 2.0, count: 9, fresh: 9, energies: [5.0; 4], ..Iteration::zeroed() };
         (passes.state.newton_iterations, passes.state.current) = (newton_iterations, 1);
         passes.state.solution_dt = passes.system.params.dt;
         passes.start();
@@ -201,7 +202,11 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         expect_close("tool's part of the solution x", &tool_now.x, &start[tool..], rounding);
         let begins = state.newton_iterations == 0;
         let left = if begins { tool_x.map(|x| -x) } else { tool_trend };
-        assert!(passes.rigid_trends.iter().all(|set| set.x == left), "the tool's trend in solve {}", state.newton_iterations);
+        assert!(
+            passes.rigid_trends.iter().all(|set| set.x == left),
+            "the tool's trend in solve {}",
+            state.newton_iterations
+        );
         let magnitude = |rows: std::ops::Range<usize>| -> f64 {
             rows.map(|k| b[tool + k].abs().max((f * y[tool + k]).abs()).max((g * w[tool + k]).abs()))
                 .fold(0.0, f64::max)

@@ -243,6 +243,7 @@ impl Fields {
     }
 
     fn record_touched(&self, recorder: &mut Recorder, common: &Common, touch: Option<&Touch>, triangles: &Buffer) {
+        recorder.upload(&self.is_solved);
         let [depths, pressures, ..] = &self.values;
         recorder.fill(depths, 0);
         recorder.fill(pressures, 0);

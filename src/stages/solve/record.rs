@@ -17,7 +17,9 @@ enum Change {
     /// The last solution, before the iterations.
     Start,
     Trend,
-    Preconditioned { set: u32 },
+    Preconditioned {
+        set: u32,
+    },
     /// The solution, after the iterations.
     End,
 }

@@ -222,7 +222,8 @@ impl Passes {
         self.restricted_product = settled("restricted_product", modes("restricted_product"), |i| {
             self.coarse || self.role_of_coarse_index(i / 3) != FREE
         });
-        self.restricted_residual = settled("restricted_residual", modes("restricted_residual"), |_| self.coarse && mode != 0);
+        self.restricted_residual =
+            settled("restricted_residual", modes("restricted_residual"), |_| self.coarse && mode != 0);
     }
 
     fn gather_variant(&self, mode: u32, change: Change, variant: &Variant) -> Outcome {

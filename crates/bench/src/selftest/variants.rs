@@ -1,5 +1,5 @@
-//! Choices that must not matter: a run that is repeated, the path of the depth stage, the kind of arrays, and the size of
-//! workgroups.
+//! Choices that must not matter: a run that is repeated, the path of the depth stage, the kind of arrays, inputs that
+//! are copied, and the size of workgroups.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -78,6 +78,7 @@ pub fn compare(options: &Options, watch: &mut dyn FnMut(&str)) -> Result<Vec<Var
     for (name, arrays, _) in kinds.into_iter().filter(|(.., has)| *has) {
         add(format!("{name} buffers"), &Options { arrays: Some(arrays), ..options.clone() }, &scene)?;
     }
+    add("inputs copied into GPU memory".into(), &Options { copies_inputs: true, ..options.clone() }, &scene)?;
     for size in WORKGROUPS {
         add(format!("workgroups of {size}"), &Options { workgroup: Some(size), ..options.clone() }, &scene)?;
     }
