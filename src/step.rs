@@ -248,6 +248,12 @@ impl Simulation {
         self.last_iterations
     }
 
+    /// Forgets how many iterations the last steps needed, so that the next plan is the shortest. For tests.
+    #[doc(hidden)]
+    pub fn forget_needs(&mut self) {
+        self.needs = Default::default();
+    }
+
     /// The stages that were recorded, and those that were left out, each with the reason.
     #[doc(hidden)]
     pub fn plan(&self) -> &Plan {

@@ -237,7 +237,7 @@ struct Contact {
     float depth;                // penetration depth delta, m
     float rate;                 // delta' = normal . (v1 - v2) at the start, m/s
     float stiffness;            // k, N/m^3; negated where the contact was released in the present solve
-    float damping;              // d, N s/m^3; a released contact has stiffness = damping = friction = 0
+    float damping;              // d, N s/m^3; after the solve a released contact has stiffness = damping = friction = 0
     float friction;             // c: friction is -c times the tangential part of v1 - v2 at the end of the step, N s/m
     vec3 slip;                  // tangential part of v1 - v2 at the start, m/s
     uint quads;                 // groups of four weighted nodes in use, 1 to 4
@@ -277,6 +277,8 @@ struct Iteration {
     vec4 energies;              // alpha gamma of the last four iterations, the latest first, J
     float change;               // energy of the difference from the last step's solution, as far as it is known, J
 };
+
+const uint MAX_RELEASES = 4;        // how often a solve releases contacts at most
 
 const uint CORE_NUMBERS = 72;       // length of a dynamic core's data in rigid_blocks: two 6x6 matrices
 

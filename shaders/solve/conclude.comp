@@ -143,6 +143,7 @@ void main() {
             bool is_accurate = error_energy(iterations[solve.current]) <= 100.0 * solve.energy_limit;
             if (CONTACT && solve.status != STATUS_CONVERGED && !is_accurate) flags |= FLAG_NOT_CONVERGED;
             // The loop counted the contacts under tension at the same x; their rounding alone must not raise the flag.
+            // At rest, without a loop, no velocity parts the bodies, so that pressure is stiffness times depth.
             if (sums.z > 0.0 && solve.pulling[solve.current] > 0) flags |= FLAG_TENSION;
         }
         // A solution is rejected if one of the three numbers that `all` adds is not finite, since the residual then

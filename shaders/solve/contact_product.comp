@@ -21,7 +21,7 @@ layout(constant_id = 6) const uint RIGIDS = 0;   // rigid bodies: dynamic cores 
 layout(constant_id = 7) const bool FRICTION = false;
 
 layout(push_constant) uniform Which {
-    bool is_solution;           // true: p is the solution x, after the iterations
+    bool is_end;                // true: p is the solution x, after the iterations
 };
 
 layout(scalar) readonly buffer Params { StepParams params; };
@@ -46,7 +46,7 @@ void main() {
     vec4 force = product_with(contact, relative);
     if (is_just_released(contact)) {
         contact.stiffness = -contact.stiffness;
-        force = is_solution ? part_of_rhs(contact) : vec4(0.0);
+        force = is_end ? part_of_rhs(contact) : vec4(0.0);
     }
     contact_forces[c] = force;
 }

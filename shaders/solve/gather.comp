@@ -9,9 +9,9 @@
 #include "shared/rotation.glsl"
 
 // Solve: operator product w = A p at the nodes, for the linear system A x = b with preconditioner M. The kernel sums w
-// from the output of solve/contact_product or solve/contact_iteration and the rows of the assembled operator (shared/rows.glsl) or, where the
-// operator is matrix-free, the output of solve/element_product and solve/patch_product; computes inner products with
-// w; and restricts w and the residual r to the modes of each block, P^T w and P^T r. A block is a set of nodes that one
+// from the output of solve/contact_product or solve/contact_iteration and the rows of the assembled operator
+// (shared/rows.glsl) or, where the operator is matrix-free, the output of solve/element_product and solve/patch_product;
+// computes inner products with w; and restricts w and the residual r to the modes of each block, P^T w and P^T r. A block is a set of nodes that one
 // workgroup works on; its modes are the basis of the preconditioner's coarse space (shared/coarse_vector.glsl). For
 // nodes attached to a rigid core (rigid body inside a soft one) the core's six rows take the place of modes. D is made
 // of the nodes' 3x3 diagonal blocks of A. MODE selects p, the two inner products and what some buffers hold:

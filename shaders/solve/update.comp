@@ -96,8 +96,6 @@ struct Scalars {
     bool clears_u;              // whether the next u is zero
 };
 
-// Most releases of contacts in a solve.
-const uint MAX_RELEASES = 4;
 
 // Whether the loop goes on; the same in all lanes of a workgroup, so that all of them reach the same barriers. Variants
 // that do not lead are dispatched in every recorded iteration, also after the loop has ended. In the iteration that
@@ -137,11 +135,11 @@ void advance(Iteration next) {
     if (CONTACT) solve.pulling[1 - set] = 0;
 }
 
-// Ends the loop, unless contacts are under tension: these are then released, and the iterations go on for the others.
-// That takes two iterations, which change nothing else. This one, with alpha = 0, leaves u = 0; the next one, with
+// Ends the loop and returns false, unless contacts are under tension: these are then released, and the iterations go on
+// for the others. That takes two iterations, which change nothing else. This one, with alpha = 0, leaves u = 0; the next one, with
 // u = p = 0, has as its operator product the impulses that the released contacts lose (solve/contact_iteration), which
 // alpha = 1 subtracts from the residual. Then the search directions start anew.
-bool goes_on(uint status, float gamma, Iteration last, out Scalars scalars) {
+bool release_or_stop(uint status, float gamma, Iteration last, out Scalars scalars) {
     scalars = Scalars(0.0, 0.0, true);
     if (!CONTACT || solve.pulling[set] == 0 || last.releases == MAX_RELEASES) {
         stop(status, gamma);
@@ -161,7 +159,7 @@ bool next_scalars(out Scalars scalars) {
     Iteration last = iterations[set];
     if (CONTACT && last.is_release == 1) {
         scalars = Scalars(1.0, 0.0, false);
-        advance(Iteration(0.0, 0.0, last.count, 0, last.releases + 1, 0, vec4(UNLIMITED), last.change));
+        advance(Iteration(0.0, 0.0, last.count, 0, last.releases + 1, 0, vec4(0.0), last.change));
         return true;
     }
     float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
@@ -170,7 +168,7 @@ bool next_scalars(out Scalars scalars) {
     bool is_loose = abs(gamma) <= params.loosest * params.loosest * solve.rhs_norm2;
     is_small = is_small || is_loose && error_energy_left(last) <= STEP_ERROR_SHARE * last.change;
     if (CONTACT && is_small) is_small = abs(gamma) <= solve.floor_norm2 || normal_forces_are_accurate(last);
-    if (is_small) return goes_on(STATUS_CONVERGED, gamma, last, scalars);
+    if (is_small) return release_or_stop(STATUS_CONVERGED, gamma, last, scalars);
     scalars.clears_u = false;
     scalars.beta = last.fresh == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.fresh == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
@@ -180,9 +178,14 @@ bool next_scalars(out Scalars scalars) {
         scalars.beta = 0.0;
         curvature = delta;
     }
-    bool broken = gamma < 0.0 || curvature <= 0.0 || !is_finite(curvature) || is_nan(gamma);
-    if (broken) return goes_on(STATUS_BROKEN, gamma, last, scalars);
-    if (last.fresh >= params.max_iterations) return goes_on(STATUS_STOPPED, gamma, last, scalars);
+    bool broken = gamma < 0.0 || curvature <= 0.0;
+    // Where a number is not finite, u or w may hold others, which no factor makes harmless.
+    if (!is_finite(gamma) || !is_finite(curvature)) {
+        stop(STATUS_BROKEN, gamma);
+        return false;
+    }
+    if (broken) return release_or_stop(STATUS_BROKEN, gamma, last, scalars);
+    if (last.fresh >= params.max_iterations) return release_or_stop(STATUS_STOPPED, gamma, last, scalars);
     scalars.alpha = gamma / curvature;
     vec4 energies = vec4(scalars.alpha * gamma, last.energies.xyz);
     advance(Iteration(gamma, scalars.alpha, last.count + 1, last.fresh + 1, last.releases, 0, energies,

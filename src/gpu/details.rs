@@ -76,9 +76,9 @@ pub(super) fn details(instance: &ash::Instance, of: &Candidate) -> Vec<(&'static
     }
     let types = &memory.memory_types[..memory.memory_type_count as usize];
     for (index, heap) in memory.memory_heaps[..memory.memory_heap_count as usize].iter().enumerate() {
-        let flags = |ty: &&vk::MemoryType| ty.heap_index as usize == index;
+        let in_heap = |ty: &&vk::MemoryType| ty.heap_index as usize == index;
         let visible = vk::MemoryPropertyFlags::HOST_VISIBLE;
-        let is_visible = types.iter().filter(flags).any(|ty| ty.property_flags.contains(visible));
+        let is_visible = types.iter().filter(in_heap).any(|ty| ty.property_flags.contains(visible));
         let whose =
             if heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL) { "of the device" } else { "of the host" };
         let access = if is_visible { "the CPU can write it" } else { "the CPU cannot write it" };

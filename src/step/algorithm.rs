@@ -4,8 +4,8 @@
 //!
 //! 1. [`Simulation::advance`] writes the step's inputs: the haptic device's pose, rigid coordinate frames, the tool.
 //! 2. [`Recordings::begin`]: velocities of nodes attached to moving frames; broad phase, narrow phase and contacts at
-//!    the step's start (pose, cull, skin, depth, contact: [`TouchStages::record`]); the element forces; the
-//!    solver's set-up with its first residual.
+//!    the step's start (pose, cull, skin, depth, contact), beside which the element forces and the operator are
+//!    computed; the solver's set-up with its first residual.
 //! 3. [`Recordings::iterate`]: conjugate gradients, in recordings of several lengths, which together make a plan of
 //!    as many iterations as the step will probably need; most steps need only one submit.
 //! 4. [`Recordings::end`]: the verdict (a number by which the GPU says what is to follow the solve), the state at the
@@ -270,7 +270,9 @@ impl Simulation {
                 }
                 _ => {
                     self.last_iterations = longest;
-                    self.needs.note(needed);
+                    if report.verdict == shaders::VERDICT_DONE {
+                        self.needs.note(needed);
+                    }
                     report.iterations += earlier;
                     self.last_timed = timed.then_some(times);
                     return Ok(report);

@@ -31,8 +31,8 @@ impl Plans {
     /// The number of iterations of the shortest plan with at least `iterations` of them, at least one, or else of the
     /// longest; and the recordings that it is made of.
     pub fn plan(&self, iterations: u32) -> (u32, impl Iterator<Item = &Recording>) {
-        let planned = iterations.max(1).next_multiple_of(SHORTEST).min(longest(self.0.len()));
-        let parts = self.0.iter().enumerate().filter(move |(k, _)| (planned / SHORTEST) >> k & 1 == 1);
+        let planned = planned(iterations, self.0.len());
+        let parts = self.0.iter().enumerate().filter(move |(k, _)| is_part(*k, planned));
         (planned, parts.map(|(_, recording)| recording))
     }
 
@@ -45,6 +45,17 @@ impl Plans {
     pub fn shortest(&self) -> (u32, &Recording) {
         (SHORTEST, &self.0[0])
     }
+}
+
+/// Number of iterations of the shortest plan with at least `iterations` of them that so many recordings make, or else of
+/// the longest.
+fn planned(iterations: u32, recordings: usize) -> u32 {
+    iterations.max(1).next_multiple_of(SHORTEST).min(longest(recordings))
+}
+
+/// Whether the recording with this index is a part of a plan.
+fn is_part(recording: usize, planned: u32) -> bool {
+    (planned / SHORTEST) >> recording & 1 == 1
 }
 
 /// Number of iterations of the longest plan that so many recordings make.
@@ -75,6 +86,15 @@ impl Needs {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_parts_of_a_plan_have_its_iterations() {
+        for (wanted, has) in [(0, 4), (1, 4), (4, 4), (5, 8), (13, 16), (26, 28), (28, 28), (29, 28), (1000, 28)] {
+            let planned = planned(wanted, 3);
+            let parts = (0..3).filter(|k| is_part(*k, planned)).map(|k| SHORTEST << k);
+            assert_eq!((planned, parts.sum::<u32>()), (has, has), "{wanted} iterations");
+        }
+    }
 
     #[test]
     fn the_greatest_of_the_last_needs_is_predicted() {

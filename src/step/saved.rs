@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::Simulation;
 use super::frames::SavedFrame;
+use super::plans::Needs;
 use crate::gpu::{read_all, write_all};
 use crate::step::trajectory::Trajectory;
 use crate::step::{ContactWrench, RigidState};
@@ -84,6 +85,8 @@ impl Simulation {
         self.trajectory = state.trajectory;
         self.frames.restore(&state.frames);
         (self.last_wrench, self.last_iterations) = (state.wrench, state.iterations);
+        self.needs = Needs::default();
+        self.needs.note(state.iterations + 1);
         (self.last_timed, self.is_solved) = (None, false);
         Ok(())
     }

@@ -160,7 +160,7 @@ fn device_bytes_are_counted_and_given_back() {
     // This test opens a context of its own, since other tests allocate memory in the context that they share.
     let context = Context::open(&Options {
         device: std::env::var("PALPATE_TEST_DEVICE").ok(),
-        validation: true,
+        validation: crate::harness::validation(),
         ..Options::of_program()
     })
     .unwrap();

@@ -12,7 +12,7 @@ use crate::harness::spoil::spoiled;
 fn open(replaced: Vec<(String, Vec<u8>)>) -> palpate::Result<std::sync::Arc<Context>> {
     crate::harness::turn();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-    Context::open(&Options { device, validation: true, replaced, ..Options::of_program() })
+    Context::open(&Options { device, validation: crate::harness::validation(), replaced, ..Options::of_program() })
 }
 
 #[test]

@@ -42,11 +42,18 @@ pub fn context() -> &'static Arc<Context> {
     turn();
     CONTEXT.get_or_init(|| {
         let device = std::env::var("PALPATE_TEST_DEVICE").ok();
-        let context = Context::open(&Options { device, validation: true, arrays: arrays(), ..Options::of_program() })
-            .unwrap_or_else(|e| panic!("{e}"));
+        let context =
+            Context::open(&Options { device, validation: validation(), arrays: arrays(), ..Options::of_program() })
+                .unwrap_or_else(|e| panic!("{e}"));
         assert_clean(&context, "set-up");
         context
     })
+}
+
+/// Whether devices are opened with the validation layer: unless the environment variable `PALPATE_TEST_VALIDATION` is
+/// `off`, for machines that have no such layer.
+pub fn validation() -> bool {
+    std::env::var("PALPATE_TEST_VALIDATION").as_deref() != Ok("off")
 }
 
 /// The kind of buffers through which kernels read their arrays in tests that do not compare both kinds. The environment

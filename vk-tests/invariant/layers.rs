@@ -12,7 +12,7 @@ use palpate::{Options, Simulation, StepReport};
 
 use crate::scene::whole_step::scene;
 
-/// The flag of a step in which contacts still pull (are under tension) even after the last repeated solve.
+/// The flag of a step in which contacts still pull (are under tension) even after the last release.
 const PULLING: u32 = 256;
 /// Greatest relative difference from the reference's force, for both kinds of layer; docs/evidence/accuracy.md has the
 /// differences that were measured.

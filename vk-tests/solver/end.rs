@@ -1,7 +1,7 @@
 //! Tests of the kernel solve/conclude, which gives the verdict on a solve of A x = b (done, continue, Newton iteration or
 //! failed), and of solve/commit, which moves the state to the end of the step. A block is the nodes of one workgroup; a
-//! contact that pulls at the end of the step is released, that is, it loses its stiffness. The tool is the rigid body that the haptic device leads, the oracle the f64 reference
-//! implementation.
+//! contact that pulls at the end of the step is released, that is, it loses its stiffness. The tool is the rigid body
+//! that the haptic device leads, the oracle the f64 reference implementation.
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;

@@ -213,6 +213,58 @@ fn contacts_under_tension_are_released_before_the_loop_ends() {
 }
 
 #[test]
+fn the_tool_and_cores_stand_still_in_a_release() {
+    // As above, for the rows of rigid bodies: u is zero before the release, x stays, and the tool's residual loses the
+    // tool's rows of the product, which are the impulses of the released contacts.
+    let system = System::new(&crate::solver::system::two_layers_one_on_a_core(), 0.004, 2);
+    let mut passes = Passes::new(system.with_tool().with_contacts(50, 3));
+    passes.system.stop_at(1e-6);
+    passes.record_start();
+    passes.iterate(3);
+    // So large a tolerance ends the loop.
+    passes.system.stop_at(1e3);
+    passes.state.energy_limit = shaders::UNLIMITED;
+    let count = passes.rigids.len();
+    assert_eq!((count, passes.tool), (2, true), "rigid bodies: a core and the tool");
+    let rigid = |passes: &mut Passes| -> Vec<RigidIterate> { (0..count).map(|index| *passes.rigid(index)).collect() };
+    let before = rigid(&mut passes);
+    passes.iterate(1);
+    let now = passes.state.current as usize;
+    assert_eq!(
+        (passes.state.status, passes.iterations[now].is_release),
+        (0, 1),
+        "status, and whether a release follows"
+    );
+    let held = rigid(&mut passes);
+    for (held, before) in held.iter().zip(&before) {
+        assert_eq!((held.u, held.x, held.r), ([0.0; 6], before.x, before.r), "u, x and r before the release");
+    }
+    passes.iterate(1);
+    let lost = passes.tool_rows();
+    let after = rigid(&mut passes);
+    assert!(lost.iter().any(|x| *x != 0.0), "no contact of the tool was released");
+    for (after, before) in after.iter().zip(&before) {
+        assert_eq!(after.x, before.x, "x after the release");
+    }
+    let want: Vec<f64> = (0..6).map(|k| f64::from(before[1].r[k]) - f64::from(lost[k])).collect();
+    let allowed = Tolerance { abs: 1e-6 * want.iter().fold(0.0f64, |m, x| m.max(x.abs())), rel: 0.0 };
+    expect_close("the tool's residual after the release", &after[1].r, &want, allowed);
+}
+
+#[test]
+fn a_loop_that_breaks_down_with_numbers_that_are_not_finite_releases_nothing() {
+    for dots in [[f32::NAN, 1.0], [f32::INFINITY, 1.0], [2.0, f32::NAN]] {
+        let mut passes = bare();
+        passes.contact = true;
+        passes.state.pulling = [3, 0];
+        passes.iterations[0] = after(3, 8.0, 0.5, [4.0; 4], 16.0);
+        passes.dots = vec![dots];
+        passes.update();
+        assert_eq!((passes.state.status, passes.state.current), (3, 0), "inner products {dots:?}");
+    }
+}
+
+#[test]
 fn the_tools_rows_follow_the_same_recurrence() {
     // With a tool and contacts, the tool's p, s, x, r and u follow the same recurrences as those of the nodes.
     for set in [0, 1] {

@@ -177,7 +177,7 @@ fn rows_of_joints_are_in_a_and_b() {
     for node in passes.system.model.cores.iter().flat_map(|core| core.nodes.clone()).map(|node| node as usize) {
         (0..3).for_each(|k| passes.solution[node][k] = carried[3 * node + k] as f32);
     }
-    passes.apply(Change::Solution);
+    passes.apply(Change::Start);
     passes.gather(0);
     let y = a.multiply(&x);
     passes.cores();

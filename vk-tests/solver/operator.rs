@@ -1,6 +1,6 @@
 //! Tests of the operator product A x, against values found by hand and against the f64 oracle (the reference
 //! implementation on the CPU). The kernels are solve/element_product (elements, matrix-free), solve/stiffness_blocks
-//! (elements, assembled as a matrix), solve/contact_product (contacts) and solve/gather (sums over nodes, and the rows of
+//! (elements, assembled as a matrix), solve/contact_iteration (contacts) and solve/gather (sums over nodes, and the rows of
 //! the tool, the rigid body that the haptic device leads).
 
 use glam::{DMat3, DQuat, DVec3};
@@ -22,7 +22,7 @@ const COMPRESSED_PRODUCT: f64 = 4.0e-6;
 /// Greatest allowed error of inner products, relative to the sum of the magnitudes of the terms: vectors of a hundred
 /// numbers of both signs.
 const DOT: f64 = 2.0e-6;
-/// Number of contacts. One workgroup of solve/contact_product handles 64, so that a second one is partly filled. There
+/// Number of contacts. One workgroup of solve/contact_iteration handles 64, so that a second one is partly filled. There
 /// are at least 14 contacts of each of the seven kinds that `with_contacts` makes, which differ in what touches: soft
 /// bodies, the tool or fixed bodies.
 const CONTACTS: usize = 100;
@@ -331,7 +331,7 @@ fn inner_products_of_every_mode() {
         passes.preconditioned = passes.system.random_field(&mut random);
         passes.trend = passes.system.random_field(&mut random);
         for mode in 0..3 {
-            passes.apply(if mode == 1 { Change::Preconditioned } else { Change::Solution });
+            passes.apply(if mode == 1 { Change::Preconditioned } else { Change::Start });
             passes.gather(mode);
             let wide = |x: &[[f32; 4]]| -> Vec<f64> { triples(x).into_iter().map(f64::from).collect() };
             let (w, first) = (wide(&passes.operator_product), wide(&passes.preconditioned));

@@ -166,7 +166,7 @@ fn the_tools_rows_and_the_warm_start_agree_with_the_oracle() {
         passes.state.newton_iterations = seed as u32 % 3;
         passes.rigids[0].carried_residual = std::array::from_fn(|_| 1e-3 * random.next() as f32);
         passes.assemble();
-        passes.apply(Change::Solution);
+        passes.apply(Change::Start);
         passes.gather(0);
         passes.apply(Change::Trend);
         passes.gather_trend();
@@ -244,7 +244,7 @@ fn the_limit_of_energy_is_that_of_the_contacts() {
         passes.system.stop_at(tolerance);
         passes.state.normal_forces = forces;
         passes.assemble();
-        passes.apply(Change::Solution);
+        passes.apply(Change::Start);
         passes.gather(0);
         passes.start();
         let h = f64::from(passes.system.params.dt);
@@ -257,7 +257,7 @@ fn the_limit_of_energy_is_that_of_the_contacts() {
     }
     let mut alone = Passes::new(System::new(&two_layers(), 0.004, 6).with_tool());
     alone.assemble();
-    alone.apply(Change::Solution);
+    alone.apply(Change::Start);
     alone.gather(0);
     alone.start();
     assert!(alone.state.energy_limit > 1e38, "without contacts nothing limits the energy");

@@ -18,7 +18,7 @@ strip -o "$pack/vk-tests" "$tests"
 cp crates/bench/pack/run.sh "$pack"
 cp "$(ldconfig -p | sed -n 's/.*libvulkan\.so\.1 .*=> //p' | head -n 1)" "$pack/lib/libvulkan.so.1"
 cp -r assets shaders "$pack"
-git rev-parse HEAD >"$pack/commit"
+git describe --always --abbrev=12 --dirty >"$pack/commit"
 for scene in assets/scenes/*.toml; do
     PALPATE_CACHE=$pack/bodies "$pack/palpate" run "$scene" --explain >"$folder/explained"
 done

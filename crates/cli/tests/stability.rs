@@ -113,17 +113,17 @@ fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
         // Fault: a contact is released (loses its stiffness) only if it pulls by more than a tenth of the pressure that
         // its depth causes.
         (
-            "solve/conclude",
-            "bool is_under_tension = pressure < 0.0;",
-            "bool is_under_tension = pressure < -0.1 * contact.stiffness * contact.depth;",
+            "solve/contact_iteration",
+            "if (end_pressure(contact, at_x, params.dt) < 0.0) {",
+            "if (end_pressure(contact, at_x, params.dt) < -0.1 * contact.stiffness * contact.depth) {",
             "contact-stiffness",
             Invariant::Push,
         ),
         // Fault: a loose solver takes its warm start for the solution; the tight one that gives the right peak does not.
         (
             "solve/update",
-            "if (is_small) {",
-            "if (is_small || params.tolerance > 1e-4 && last.count == 0) {",
+            "if (is_small) return",
+            "if (is_small || params.tolerance > 1e-4 && last.count == 0) return",
             "preset",
             Invariant::Peak,
         ),

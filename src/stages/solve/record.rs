@@ -219,7 +219,7 @@ impl Solve {
                 next_preconditioned: Some(self.preconditioned.next(set)),
                 next_direction: Some(self.direction.next(set)),
                 next_direction_product: Some(self.direction_product.next(set)),
-                args: Some(&common.args),
+                args: &common.args,
                 rigid_inverses: Some(&self.rigid_inverses),
             };
             recorder.together(|recorder| {
@@ -411,7 +411,7 @@ impl Solve {
             _ => (&self.solution, &self.iterates, &touch.contact_forces),
         };
         let arguments = shaders::solve::ContactProduct {
-            is_solution: matches!(change, Change::End).into(),
+            is_end: matches!(change, Change::End).into(),
             params: &common.params,
             change: vector,
             counts: &common.counts,

@@ -251,7 +251,7 @@ fn follow_at(what: &str, system: System, size: Size) -> f64 {
         &of_b,
         SUM,
     ));
-    passes.apply(Change::Solution);
+    passes.apply(Change::Start);
     passes.gather(0);
     let y = a.multiply(&x);
     let of_y = absolute.restricted(&vec![largest(&y); y.len()]);
@@ -359,7 +359,7 @@ fn follow_at(what: &str, system: System, size: Size) -> f64 {
         expect_within(&format!("{what}: P^T s"), &summed(&passes, directions), &twin.restricted(&s), &of_s, ROUNDS);
     }
 
-    passes.apply(Change::Solution);
+    passes.apply(Change::Start);
     passes.gather(2);
     let x = passes.unknowns(&passes.solution, |now| now.x);
     let y = a.multiply(&x);

@@ -123,7 +123,8 @@ impl Passes {
         self.edges.blocks = outcome.get("stiffness_blocks");
     }
 
-    /// Runs solve/stiffness_blocks or solve/element_product and, with contacts, solve/contact_product.
+    /// Runs solve/stiffness_blocks or solve/element_product and, with contacts,
+    /// solve/contact_product or, in an iteration, solve/contact_iteration.
     pub fn apply(&mut self, change: Change) {
         if self.assembled {
             self.assemble_operator();
@@ -177,8 +178,8 @@ impl Passes {
             self.state = outcome.get("solve")[0];
             self.system.contacts = outcome.get("contacts");
         } else {
-            let is_solution = u32::from(change == Change::End);
-            let case = case.input("contacts", &s.contacts).input("solve", &[self.state]).push(&is_solution);
+            let is_end = u32::from(change == Change::End);
+            let case = case.input("contacts", &s.contacts).input("solve", &[self.state]).push(&is_end);
             self.contact_forces = case.run().get("contact_forces");
         }
     }
@@ -186,7 +187,7 @@ impl Passes {
     /// The vector at the nodes that the operator is applied to, and the iterates of the rigid bodies that belong to it.
     fn changed(&self, change: Change) -> (&[[f32; 4]], &[RigidIterate]) {
         match change {
-            Change::Solution | Change::End => (&self.solution, &self.iterates),
+            Change::Start | Change::End => (&self.solution, &self.iterates),
             Change::Trend => (&self.trend, &self.rigid_trends),
             Change::Preconditioned => (&self.preconditioned, &self.iterates),
         }
@@ -195,7 +196,7 @@ impl Passes {
     /// Runs solve/gather. `mode` is as in the kernel's header (0: warm start, 1: iteration, 2: end) and determines
     /// which vectors enter the inner products.
     pub fn gather(&mut self, mode: u32) {
-        let change = [Change::Solution, Change::Preconditioned, Change::End][mode as usize];
+        let change = [Change::Start, Change::Preconditioned, Change::End][mode as usize];
         self.gather_of(mode, change);
     }
 

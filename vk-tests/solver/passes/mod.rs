@@ -22,7 +22,7 @@ use crate::solver::system::System;
 /// of the last two solutions), the preconditioned residual, or the solution after the iterations.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Change {
-    Solution,
+    Start,
     Trend,
     Preconditioned,
     End,
@@ -223,7 +223,7 @@ impl Passes {
     pub fn record_start(&mut self) {
         self.assemble();
         self.cores();
-        self.apply(Change::Solution);
+        self.apply(Change::Start);
         self.gather(0);
         self.apply(Change::Trend);
         self.gather_trend();
@@ -232,6 +232,11 @@ impl Passes {
         }
         self.start();
         self.begin();
+    }
+
+    /// From now on in this solve no contact is released, so that the iterations solve a linear system.
+    pub fn keep_contacts(&mut self) {
+        self.iterations[self.state.current as usize].releases = shaders::MAX_RELEASES;
     }
 
     /// Whether the kernels have ended the loop, by setting its indirect arguments to zero.
