@@ -57,8 +57,8 @@ fn inputs_are_copied_where_options_ask_for_it() {
         let options = Options { device: device.clone(), copies_inputs, ..Options::of_program() };
         Simulation::open(&scene, &options).unwrap().explain(8).passes
     });
-    // Parameters, frames, joints and pairs; there are no links of frames.
-    assert_eq!(passes[1] - passes[0], 4, "passes with and without copies: {passes:?}");
+    // Parameters, frames, joints, links of frames, and pairs.
+    assert_eq!(passes[1] - passes[0], 5, "passes with and without copies: {passes:?}");
 }
 
 #[test]

@@ -185,7 +185,7 @@ fn a_solution_found_is_found_again_at_once() {
         passes.rigids[0].carried_residual = [0.0; 6];
         passes.record_start();
         let [of_solution, of_trend] = passes.state.warm_start;
-        assert!((of_solution - 1.0).abs() < 1e-5 && of_trend == 0.0, "warm start {of_solution}, {of_trend}");
+        assert!((of_solution - 1.0).abs() < 1e-5 && of_trend.abs() < 1e-5, "warm start {of_solution}, {of_trend}");
         passes.keep_contacts();
         passes.iterate(LIMIT);
         assert!(
@@ -238,14 +238,16 @@ fn pulled(with: Preconditioner) {
         );
         passes.commit();
         passes.wrench();
-        let s = &passes.system;
+        // Nodes on a core move with it when the next step begins.
+        let (s, roles) = (&passes.system, passes.roles());
         let mut at = 0;
         for body in &s.twin.bodies {
             let count = body.velocity.len();
-            let v: Vec<f64> = body.velocity.iter().flat_map(|v| v.to_array()).collect();
-            let d: Vec<f64> = body.displacement.iter().flat_map(|d| d.to_array()).collect();
-            expect_of_largest("velocity", &triples(&s.velocity[at..at + count]), &v, SOLUTION);
-            expect_of_largest("displacement", &triples(&s.displacement[at..at + count]), &d, SOLUTION);
+            let free: Vec<usize> = (0..count).filter(|i| roles[at + i] == Some(shaders::FREE_NODES)).collect();
+            let got = |all: &[[f32; 4]]| triples(&free.iter().map(|i| all[at + i]).collect::<Vec<_>>());
+            let want = |all: &[glam::DVec3]| -> Vec<f64> { free.iter().flat_map(|i| all[*i].to_array()).collect() };
+            expect_of_largest("velocity", &got(&s.velocity), &want(&body.velocity), SOLUTION);
+            expect_of_largest("displacement", &got(&s.displacement), &want(&body.displacement), SOLUTION);
             at += count;
         }
         let wrench = report.wrench;
