@@ -136,9 +136,9 @@ void advance(Iteration next) {
 }
 
 // Ends the loop and returns false, unless contacts are under tension: these are then released, and the iterations go on
-// for the others. That takes two iterations, which change nothing else. This one, with alpha = 0, leaves u = 0; the next one, with
-// u = p = 0, has as its operator product the impulses that the released contacts lose (solve/contact_iteration), which
-// alpha = 1 subtracts from the residual. Then the search directions start anew.
+// for the others. That takes two iterations, which change nothing else. This one, with alpha = 0, leaves u = 0; the next
+// one, with u = p = 0, has as its operator product the impulses that the released contacts lose
+// (solve/contact_iteration), which alpha = 1 subtracts from the residual. Then the search directions start anew.
 bool release_or_stop(uint status, float gamma, Iteration last, out Scalars scalars) {
     scalars = Scalars(0.0, 0.0, true);
     if (!CONTACT || solve.pulling[set] == 0 || last.releases == MAX_RELEASES) {
