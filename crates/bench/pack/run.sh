@@ -86,7 +86,7 @@ SCENE
 
 begin_page
 part devices 10 ./palpate devices --verbose
-part selftest 150 ./palpate selftest "${device[@]}" --out "$out/selftest"
+part selftest 200 ./palpate selftest "${device[@]}" --out "$out/selftest"
 for name in touch-head touch-human two-heads gears pumpkins; do
     for path in compute graphics; do
         part "$name-$path" 25 bash -c 'run_scene "$@"' run "assets/scenes/$name.toml" "$out/$name-$path" --depth "$path" \
