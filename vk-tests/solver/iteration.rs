@@ -213,7 +213,7 @@ fn contacts_under_tension_are_released_before_the_loop_ends() {
 
 #[test]
 fn the_tool_and_cores_stand_still_in_a_release() {
-    // As above, for the rows of rigid bodies: u is zero before the release, x stays, and the tool's residual loses the
+    // A release leaves the x of rigid bodies as it is. Their u is zero before it, and the tool's residual loses the
     // tool's rows of the product, which are the impulses of the released contacts.
     let system = System::new(&crate::solver::system::two_layers_one_on_a_core(), 0.004, 2);
     let mut passes = Passes::new(system.with_tool().with_contacts(50, 3));

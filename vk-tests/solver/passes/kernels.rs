@@ -123,8 +123,8 @@ impl Passes {
         self.edges.blocks = outcome.get("stiffness_blocks");
     }
 
-    /// Runs solve/stiffness_blocks or solve/element_product and, with contacts,
-    /// solve/contact_product or, in an iteration, solve/contact_iteration.
+    /// Runs solve/stiffness_blocks or solve/element_product. With contacts it also runs solve/contact_iteration in an
+    /// iteration, and solve/contact_product outside the iterations.
     pub fn apply(&mut self, change: Change) {
         if self.assembled {
             self.assemble_operator();
