@@ -11,7 +11,9 @@ const SHORTEST: u32 = 4;
 pub const MOST_PARTS: usize = 24;
 /// Number of latest steps whose needs are remembered.
 const REMEMBERED: usize = 8;
-/// Number of iterations that a plan has beyond the greatest remembered need.
+/// Number of iterations that a plan has beyond five quarters of the greatest remembered need. Over 300 steps of each
+/// example scene this left at most 1.3 % of the plans too short, and 48 to 62 % of the planned iterations without work;
+/// plans without the quarter left up to 7.3 % too short, and 37 to 55 % without work.
 const SPARE: u32 = 2;
 
 /// Recordings of 4, 8, 16, ... iterations. Some of them together, each at most once, are a plan of any multiple of four
@@ -79,7 +81,7 @@ impl Needs {
 
     /// Number of iterations that are to be submitted with the next step.
     pub fn predicted(&self) -> u32 {
-        self.last.iter().max().map_or(0, |most| most + SPARE)
+        self.last.iter().max().map_or(0, |most| most + most.div_ceil(4) + SPARE)
     }
 }
 
@@ -97,12 +99,12 @@ mod tests {
     }
 
     #[test]
-    fn the_greatest_of_the_last_needs_is_predicted() {
+    fn a_quarter_more_than_the_greatest_of_the_last_needs_is_predicted() {
         let mut needs = Needs::default();
         needs.note(40);
         (0..7).for_each(|k| needs.note(k));
-        assert_eq!(needs.predicted(), 42, "while the first need is remembered");
+        assert_eq!(needs.predicted(), 52, "while the first need is remembered");
         needs.note(9);
-        assert_eq!(needs.predicted(), 11, "when it is forgotten");
+        assert_eq!(needs.predicted(), 14, "when it is forgotten");
     }
 }
