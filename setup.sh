@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
 # Installs what a bare Debian or Ubuntu machine lacks:
-#   ./setup.sh          to build and run palpate: a C++ compiler, the GLSL compiler shaderc, a Vulkan loader with Mesa's
-#                       drivers (lavapipe among them), and the libraries that a window needs; one to three minutes
+#   ./setup.sh          to build and run palpate: a C compiler (for its linker), the GLSL compiler glslc, a Vulkan loader
+#                       with Mesa's drivers (lavapipe among them), and the libraries that a window needs; one to three
+#                       minutes
 #   ./setup.sh --tests  and to run the tests: the validation layers, what the tests of the C interface compile and look
 #                       with, and a display without a screen; two minutes more
 # Silent when nothing is missing.
 set -euo pipefail
 cd "$(dirname "$0")"
 
-packages=(build-essential pkg-config libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
+packages=(build-essential pkg-config glslc libvulkan1 mesa-vulkan-drivers
     libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0)
 tests=(clang valgrind cmake python3 python3-numpy libvulkan-dev vulkan-validationlayers procps xvfb xdotool)
 minutes="one to three minutes"
@@ -25,9 +26,8 @@ elsewhere() {
     cat >&2 <<'TEXT'
 setup.sh knows Debian and Ubuntu only. On another system install, by its own means:
   - a Vulkan 1.3 loader and driver (Mesa's lavapipe will do), and the Khronos validation layer for the tests;
-  - shaderc with its static or shared library; name its folder in the environment variable SHADERC_LIB_DIR.
-    Without it `--features palpate/build-shaderc` builds shaderc, which needs git, cmake, python3 and a C++ compiler, and a
-    quarter of an hour.
+  - glslc, the command of shaderc (the Vulkan SDK has it); where it is in no usual place, name it in the environment
+    variable GLSLC.
 TEXT
     exit 1
 }

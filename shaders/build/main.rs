@@ -8,10 +8,11 @@
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
-use std::{env, fs, process};
+use std::{env, fs, process, thread};
 
-use palpate_glsl::{Arrays, compile, ingredients, kind};
+use palpate_glsl::{Arrays, compile, digest, is_shader, whole_text};
 
 mod arguments;
 mod comments;
@@ -54,16 +55,19 @@ fn build() -> Result<(), String> {
     let mut sources = Vec::new();
     for folder in entries(&root)? {
         if folder.is_dir() && folder.file_name() != Some(OsStr::new("shared")) {
-            sources.extend(entries(&folder)?.into_iter().filter(|path| kind(path).is_some()));
+            sources.extend(entries(&folder)?.into_iter().filter(|path| is_shader(path)));
         }
     }
-    let (mut shaders, mut compiled) = (Vec::new(), 0);
-    for source in &sources {
-        let (shader, is_new) = refresh(&root, source, &out)?;
-        compiled += usize::from(is_new);
-        shaders.push(shader);
-    }
-    println!("compiled {compiled} of {} shaders", shaders.len());
+    let threads = thread::available_parallelism().map_or(1, |count| count.get());
+    let shares = sources.chunks(sources.len().div_ceil(threads).max(1));
+    let refreshed: Vec<_> = thread::scope(|scope| {
+        let refresh_share = |share: &[PathBuf]| share.iter().map(|source| refresh(&root, source, &out)).collect::<Vec<_>>();
+        let running: Vec<_> = shares.map(|share| scope.spawn(move || refresh_share(share))).collect();
+        running.into_iter().flat_map(|share| share.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
+    });
+    let refreshed = refreshed.into_iter().collect::<Result<Vec<_>, _>>()?;
+    println!("compiled {} of {} shaders", refreshed.iter().filter(|(_, is_new)| *is_new).count(), refreshed.len());
+    let mut shaders: Vec<_> = refreshed.into_iter().map(|(shader, _)| shader).collect();
     shaders.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(twice) = shaders.windows(2).find(|pair| pair[0].name == pair[1].name) {
         return Err(format!("two shaders are called {}", twice[0].name));
@@ -88,29 +92,37 @@ fn table(shaders: &[Shader]) -> String {
     text + "];\n"
 }
 
-/// Compiles a shader, unless its output files were made from the same text; also returns whether it was compiled.
+/// Compiles a shader, unless there are binaries made from the same text: in the output folder, or in `shaders/compiled`
+/// of a packaged engine. Also returns whether it was compiled.
 fn refresh(root: &Path, source: &Path, out: &Path) -> Result<(Shader, bool), String> {
     let name = name(root, source);
-    let (text, now) = (read(source)?, ingredients(root, source)?);
+    let whole = whole_text(root, source)?;
+    let digest = digest(&whole);
     // A shader without read-only arrays has the same binary for texel buffers and for storage buffers.
-    let kinds = if now.contains("READ_ONLY(") { &[Arrays::Texel, Arrays::Storage][..] } else { &[Arrays::Storage] };
+    let kinds = if whole.contains("READ_ONLY(") { &[Arrays::Texel, Arrays::Storage][..] } else { &[Arrays::Storage] };
     let stem = name.replace('/', "-");
-    let files: Vec<_> = kinds.iter().map(|arrays| out.join(format!("{stem}.{arrays:?}.spv"))).collect();
-    let made_of = out.join(format!("{stem}.made-of"));
-    let is_new = !(files.iter().all(|f| f.exists()) && fs::read_to_string(&made_of).is_ok_and(|then| then == now));
-    if is_new {
-        // The file `made_of`, which holds the text that was compiled, is removed first, so that after an interrupted
-        // build the next one compiles this shader again.
-        let _ = fs::remove_file(&made_of);
-        for (arrays, file) in kinds.iter().zip(&files) {
-            write(file, &compile(root, source, &text, *arrays)?)?;
+    let binaries = |folder: &Path| kinds.iter().map(|k| folder.join(format!("{stem}.{k:?}.spv"))).collect::<Vec<_>>();
+    let made_of = |folder: &Path| folder.join(format!("{stem}.sha256"));
+    let is_current = |folder: &&Path| {
+        fs::read_to_string(made_of(folder)).is_ok_and(|made_of| made_of == digest)
+            && binaries(folder).iter().all(|file| file.exists())
+    };
+    let packaged = root.join("compiled");
+    let current = [packaged.as_path(), out].into_iter().find(is_current);
+    if current.is_none() {
+        // The file with the digest of what was compiled is removed first, so that after an interrupted build the next
+        // one compiles this shader again.
+        let _ = fs::remove_file(made_of(out));
+        for (arrays, file) in kinds.iter().zip(binaries(out)) {
+            write(&file, &compile(root, source, *arrays)?)?;
         }
-        write(&made_of, now.as_bytes())?;
+        write(&made_of(out), digest.as_bytes())?;
     }
+    let files = binaries(current.unwrap_or(out));
     let last = files.last().ok_or_else(|| format!("internal error: {name} was not compiled"))?;
     let bytes = fs::read(last).map_err(|e| format!("cannot read {}: {e}", last.display()))?;
     let words = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
-    Ok((Shader { name, text, files, words }, is_new))
+    Ok((Shader { name, text: read(source)?, files, words }, current.is_none()))
 }
 
 fn read(path: &Path) -> Result<String, String> {

@@ -15,6 +15,8 @@ mod build;
 pub(crate) mod check;
 mod cursor;
 #[doc(hidden)]
+pub mod dotted;
+#[doc(hidden)]
 pub mod gmsh;
 #[doc(hidden)]
 pub mod groups;

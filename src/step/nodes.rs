@@ -43,7 +43,8 @@ impl Simulation {
     /// World positions of a soft body's nodes, m, in the order of its tetrahedral mesh; empty for a body that is not
     /// soft.
     pub fn node_positions(&self, body: usize) -> Result<Vec<DVec3>> {
-        let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
+        let shape = self.bodies.get(body).map(|body| &body.shape);
+        let Some(Shape::Soft { layer, .. }) = shape else { return Ok(Vec::new()) };
         let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
         let Body { position, orientation, .. } = self.bodies[body];
         Ok(layer.nodes.iter().zip(&moved).map(|(rest, d)| position + orientation * (*rest + *d)).collect())
@@ -52,7 +53,8 @@ impl Simulation {
     /// World positions of the vertices of a soft body's skin, m, in the skin's order; empty for a body that is not
     /// soft.
     pub fn skin_positions(&self, body: usize) -> Result<Vec<DVec3>> {
-        let Shape::Soft { layer, skin, embedding, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
+        let shape = self.bodies.get(body).map(|body| &body.shape);
+        let Some(Shape::Soft { layer, skin, embedding, .. }) = shape else { return Ok(Vec::new()) };
         let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
         let Body { position, orientation, .. } = self.bodies[body];
         let displaced = |e: &Embedding| -> DVec3 {

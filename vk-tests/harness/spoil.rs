@@ -13,11 +13,13 @@ pub fn spoiled(kernel: &str, from: &str, to: &str) -> Vec<u8> {
     let root =
         Path::new(&here).ancestors().map(|folder| folder.join("shaders")).find(|shaders| shaders.is_dir()).unwrap();
     let plain = root.join(kernel);
-    let source = if palpate_glsl::kind(&plain).is_some() { plain } else { root.join(format!("{kernel}.comp")) };
+    let source = if palpate_glsl::is_shader(&plain) { plain } else { root.join(format!("{kernel}.comp")) };
     let text = inlined(&root, &source);
     assert_eq!(text.matches(from).count(), 1, "`{from}` must occur exactly once in {kernel} and its includes");
-    assert!(palpate_glsl::kind(&source).is_some());
-    palpate_glsl::compile(&root, &source, &text.replace(from, to), Arrays::Storage).unwrap_or_else(|e| panic!("{e}"))
+    let folder = tempfile::tempdir().unwrap();
+    let spoiled = folder.path().join(source.file_name().unwrap());
+    std::fs::write(&spoiled, text.replace(from, to)).unwrap();
+    palpate_glsl::compile(&root, &spoiled, Arrays::Storage).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// The text of a shader in which each `#include` line is replaced by the included file.

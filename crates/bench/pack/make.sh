@@ -18,6 +18,10 @@ strip -o "$pack/vk-tests" "$tests"
 cp crates/bench/pack/run.sh "$pack"
 cp "$(ldconfig -p | sed -n 's/.*libvulkan\.so\.1 .*=> //p' | head -n 1)" "$pack/lib/libvulkan.so.1"
 cp -r assets shaders "$pack"
+# Tests with planted faults compile shaders.
+glslc=$(command -v "${GLSLC:-glslc}")
+mkdir "$pack/glslc"
+cp "$glslc" $(ldd "$glslc" | awk '/libshaderc|libstdc|libgcc_s/ {print $3}') "$pack/glslc"
 git describe --always --abbrev=12 --dirty >"$pack/commit"
 for scene in assets/scenes/*.toml; do
     PALPATE_CACHE=$pack/bodies "$pack/palpate" run "$scene" --explain >"$folder/explained"

@@ -11,7 +11,10 @@ cd "$here" || exit 1
 # The loader of the machine, where there is one, knows its drivers best.
 [ -n "$(PATH=$PATH:/sbin:/usr/sbin ldconfig -p 2>/dev/null | grep 'libvulkan\.so\.1')" ] ||
     export LD_LIBRARY_PATH=$here/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
-export PALPATE_CACHE=$here/bodies CARGO_MANIFEST_DIR=$here PALPATE_TEST_VALIDATION=off
+# Tests with planted faults compile shaders.
+printf '#!/bin/sh\nLD_LIBRARY_PATH=%q exec %q "$@"\n' "$here/glslc" "$here/glslc/glslc" >"$out/glslc"
+chmod +x "$out/glslc"
+export GLSLC=$out/glslc PALPATE_CACHE=$here/bodies CARGO_MANIFEST_DIR=$here PALPATE_TEST_VALIDATION=off
 device=()
 if [ -n "${2-}" ]; then
     device=(--device "$2")

@@ -5,6 +5,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use clap::Parser;
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish};
 use palpate::{Error, Options, Result, Scene, Simulation, Threads};
@@ -13,7 +14,7 @@ use palpate_view::{Overlay, Overlays, Settings, Studio};
 
 use crate::report::Output;
 use crate::run::positive;
-use crate::tell;
+use crate::{one_line, tell};
 
 /// Default width and height of images, pixels.
 pub const SIZE: [u32; 2] = [1280, 720];
@@ -63,7 +64,7 @@ pub struct Arguments {
 }
 
 /// Options on how images look.
-#[derive(clap::Args)]
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct Look {
     #[arg(long, value_name = "WxH", value_parser = size, help = "Image width and height, pixels [default: 1280x720]")]
     size: Option<[u32; 2]>,
@@ -82,6 +83,13 @@ pub struct Look {
     /// Leave out the simulated time in the images' upper left corner
     #[arg(long)]
     no_time: bool,
+}
+
+/// A command line that has the options of [`Look`] alone.
+#[derive(clap::Parser)]
+struct Picturing {
+    #[command(flatten)]
+    look: Look,
 }
 
 /// Camera of an image.
@@ -129,6 +137,12 @@ fn overlay(text: &str) -> std::result::Result<Overlay, String> {
 }
 
 impl Look {
+    /// Reads such options from the words of a command line.
+    pub fn parse(words: &[String]) -> Result<Look> {
+        let program = std::iter::once("picture").chain(words.iter().map(String::as_str));
+        Picturing::try_parse_from(program).map(|picturing| picturing.look).map_err(|error| Error::Usage(one_line(&error)))
+    }
+
     /// The overlays to show. Errors: several overlays that are drawn as colours, of which only one can be shown.
     pub fn shown(&self) -> Result<Overlays> {
         let shown = Overlays::of(&self.show);

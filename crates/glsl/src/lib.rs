@@ -1,29 +1,36 @@
-//! Compiles GLSL shaders to SPIR-V by shaderc, with the same options for palpate's build script and for tests.
+//! Compiles GLSL shaders to SPIR-V by glslc, the command of shaderc, with the same options for palpate's build script
+//! and for tests.
 
+use std::ffi::OsString;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
-use shaderc::{
-    CompileOptions, Compiler, EnvVersion, IncludeType, OptimizationLevel, ResolvedInclude, ShaderKind, SpirvVersion,
-    TargetEnv,
-};
+use sha2::{Digest as _, Sha256};
 
-/// The shader stage that a file's extension names; `None` if it names no stage.
-pub fn kind(path: &Path) -> Option<ShaderKind> {
-    match path.extension()?.to_str()? {
-        "comp" => Some(ShaderKind::Compute),
-        "vert" => Some(ShaderKind::Vertex),
-        "frag" => Some(ShaderKind::Fragment),
-        _ => None,
-    }
+/// The options of glslc that every shader is compiled with. Warnings are errors. The shaders' text gives buffers no
+/// binding numbers: they are bound by name.
+const OPTIONS: [&str; 6] =
+    ["--target-env=vulkan1.3", "--target-spv=spv1.6", "-O", "-g", "-Werror", "-fauto-bind-uniforms"];
+
+/// How a shader reads its read-only arrays of vectors; `shaders/shared/arrays.glsl` declares both ways.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Arrays {
+    /// Through texel buffers.
+    Texel,
+    /// Through storage buffers.
+    Storage,
 }
 
-/// The text of everything that the binary of the shader `source` depends on: how it is compiled (this file), the
-/// shader's own file, and all files that it includes, in order. If this text has not changed, neither has the binary,
-/// as long as shaderc is the same.
-pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
-    let (mut files, mut text) = (vec![source.to_path_buf()], include_str!("lib.rs").to_string());
-    let mut next = 0;
+/// Whether a file's extension is that of a shader stage.
+pub fn is_shader(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| ["comp", "vert", "frag"].iter().any(|stage| extension == *stage))
+}
+
+/// The text of the shader `source`, in the folder of shaders `root`, and of all files that it includes, in order, each
+/// after a line with its name.
+pub fn whole_text(root: &Path, source: &Path) -> Result<String, String> {
+    let (mut files, mut text, mut next) = (vec![source.to_path_buf()], String::new(), 0);
     while let Some(file) = files.get(next).cloned() {
         let content = fs::read_to_string(&file).map_err(|e| format!("cannot read {}: {e}", file.display()))?;
         text += &format!("// {}\n{content}\n", file.strip_prefix(root).unwrap_or(&file).display());
@@ -38,42 +45,40 @@ pub fn ingredients(root: &Path, source: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// How a shader reads its read-only arrays of vectors; `shaders/shared/arrays.glsl` declares both ways.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Arrays {
-    /// Through texel buffers.
-    Texel,
-    /// Through storage buffers.
-    Storage,
+/// The SHA-256 digest of all that the binary of a shader depends on but for the compiler's version: the compiler's
+/// options (this file) and the shader's [`whole_text`].
+pub fn digest(whole_text: &str) -> String {
+    let digest = Sha256::new().chain_update(include_str!("lib.rs")).chain_update(whole_text).finalize();
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Compiles the text of the shader `source`, in the folder of shaders `root`, to SPIR-V 1.6; warnings are errors.
-pub fn compile(root: &Path, source: &Path, text: &str, arrays: Arrays) -> Result<Vec<u8>, String> {
-    let compiler = Compiler::new().map_err(|e| format!("shaderc (GLSL compiler) cannot start: {e}; run setup.sh"))?;
-    let mut options = CompileOptions::new().map_err(|e| format!("shaderc cannot create compile options: {e}"))?;
-    options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
-    options.set_target_spirv(SpirvVersion::V1_6);
-    options.set_optimization_level(OptimizationLevel::Performance);
-    options.set_generate_debug_info();
-    options.set_warnings_as_errors();
-    // The shaders' text gives buffers no binding numbers: they are bound by name.
-    options.set_auto_bind_uniforms(true);
+/// Compiles the shader in the file `source`, which includes files of the folder of shaders `root`, to SPIR-V 1.6.
+pub fn compile(root: &Path, source: &Path, arrays: Arrays) -> Result<Vec<u8>, String> {
+    let glslc = glslc();
+    let shown = |path: &Path| path.strip_prefix(root).map_or(path.to_path_buf(), |path| Path::new("shaders").join(path));
+    let mut command = Command::new(&glslc);
+    command.args(OPTIONS).arg("-Ishaders").args(["-o", "-"]).arg(shown(source));
     if arrays == Arrays::Texel {
-        options.add_macro_definition("TEXEL_ARRAYS", None);
+        command.arg("-DTEXEL_ARRAYS");
     }
-    let folder = root.to_path_buf();
-    options.set_include_callback(move |asked, _: IncludeType, from, _| {
-        let path = folder.join(asked);
-        match fs::read_to_string(&path) {
-            Ok(content) => Ok(ResolvedInclude { resolved_name: format!("shaders/{asked}"), content }),
-            Err(e) => Err(format!("{from} includes \"{asked}\", which cannot be read at {}: {e}", path.display())),
-        }
-    });
-    let shown = format!("shaders/{}", source.strip_prefix(root).unwrap_or(source).display());
-    let unknown = || format!("{shown} is not a shader: its extension must be .comp, .vert or .frag");
-    let kind = kind(source).ok_or_else(unknown)?;
-    let binary = compiler
-        .compile_into_spirv(text, kind, &shown, "main", Some(&options))
-        .map_err(|e| format!("{shown} does not compile:\n{e}"))?;
-    Ok(binary.as_binary_u8().to_vec())
+    // Names in the binary and in messages begin with `shaders/`, wherever the repository is.
+    let output = command.current_dir(root.parent().unwrap_or(root)).output().map_err(|error| {
+        format!(
+            "the GLSL compiler {} cannot be run: {error}; run palpate's setup.sh, or name shaderc's glslc in the \
+             environment variable GLSLC",
+            glslc.display()
+        )
+    })?;
+    if !output.status.success() {
+        let messages = String::from_utf8_lossy(&output.stderr);
+        return Err(format!("{} does not compile:\n{messages}", shown(source).display()));
+    }
+    Ok(output.stdout)
+}
+
+/// The command that compiles: what the environment variable GLSLC names, or else that of the Vulkan SDK in use, or
+/// else the system's.
+fn glslc() -> PathBuf {
+    let sdk = || std::env::var_os("VULKAN_SDK").map(|sdk| Path::new(&sdk).join("bin/glslc")).filter(|path| path.exists());
+    std::env::var_os("GLSLC").map(PathBuf::from).or_else(sdk).unwrap_or_else(|| OsString::from("glslc").into())
 }

@@ -1,0 +1,62 @@
+"""Feel soft bodies: deformable contact and haptic forces on any Vulkan 1.3 device.
+
+A :class:`Scene` says what is simulated, a :class:`Simulation` advances it step by step. Units are SI, axes are
+right-handed, quaternions are in the order x y z w.
+
+    >>> import palpate
+    >>> simulation = palpate.Simulation("touch-head")
+    >>> trace = simulation.run(0.1)
+    >>> trace.force.shape
+    (100, 3)
+"""
+
+from .context import Context, Device, devices
+from .errors import (
+    DeviceError,
+    InputError,
+    OutOfMemoryError,
+    OutputError,
+    PalpateError,
+    SimulationError,
+    VulkanError,
+)
+from .flags import Flags
+from .identify import Estimate, Fit, fit
+from .native import __version__
+from .program import film, prepare
+from .query import Overlap, Query
+from .scene import Scene, shipped_scenes
+from .simulation import Contacts, Material, Pose, PoseLike, Simulation, Skin, StepReport, Trace, Work
+
+__all__ = [
+    "Contacts",
+    "Context",
+    "Device",
+    "DeviceError",
+    "Estimate",
+    "Fit",
+    "Flags",
+    "InputError",
+    "Material",
+    "OutOfMemoryError",
+    "OutputError",
+    "Overlap",
+    "PalpateError",
+    "Pose",
+    "PoseLike",
+    "Query",
+    "Scene",
+    "Simulation",
+    "SimulationError",
+    "Skin",
+    "StepReport",
+    "Trace",
+    "VulkanError",
+    "Work",
+    "__version__",
+    "devices",
+    "film",
+    "fit",
+    "prepare",
+    "shipped_scenes",
+]

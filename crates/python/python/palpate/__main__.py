@@ -1,0 +1,14 @@
+"""The program: ``python -m palpate run scene.toml`` is ``palpate run scene.toml``."""
+
+import sys
+
+from . import native
+
+
+def main() -> int:
+    """Run the program with the arguments of the command line; return its exit status."""
+    return native.program(["palpate", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""Names of the types that the compiled part of the package takes and gives."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+Indices: TypeAlias = NDArray[np.uint32]
+Mesh: TypeAlias = tuple[str, Floats, Indices]
+"""Name, points and corners."""
+Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+PlainPose: TypeAlias = tuple[Vector, Quaternion]
+ReadPose: TypeAlias = tuple[list[float], list[float]]
+Report: TypeAlias = tuple[
+    int,
+    float,
+    tuple[list[float], list[float], ReadPose, ReadPose] | None,
+    int | None,
+    float | None,
+    int,
+    float,
+    int,
+    float,
+    list[list[float]],
+    tuple[int, int, int, int],
+]
+"""Step, time, the tool (force, torque, its pose, the device's pose), contacts, greatest depth, iterations, residual, flags,
+microseconds, probes, and the work."""
+PlainContacts: TypeAlias = tuple[Indices, Indices, Floats, Floats, Floats, Floats, Floats, Floats]
+Answer: TypeAlias = tuple[Indices, Indices, Floats, Floats, Indices, Floats, Floats, int]

@@ -1,0 +1,469 @@
+"""Simulations of scenes, step by step."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import native
+from .context import Context
+from .errors import InputError
+from .flags import Flags
+from .plain import Floats, Indices, PlainPose, ReadPose, Report
+from .scene import Scene
+
+
+class Pose(NamedTuple):
+    """A position and an orientation in the world."""
+
+    position: tuple[float, float, float]
+    """Position, m."""
+    orientation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    """Rotation from the object's axes to the world's, a quaternion x y z w."""
+
+
+PoseLike: TypeAlias = Pose | Sequence[float] | NDArray[np.floating]
+"""A :class:`Pose`, or three numbers: a position (m) without rotation."""
+
+
+class Work(NamedTuple):
+    """What a step asked of the GPU."""
+
+    solves: int
+    """Linear solves, and one more for each time that contacts under tension were released."""
+    submits: int
+    """Submits to the GPU; the CPU waits for the end of each."""
+    planned_iterations: int
+    """Solver iterations that were submitted."""
+    dependent_passes: int
+    """Passes that had to wait for an earlier one."""
+
+
+@dataclass(frozen=True, slots=True)
+class StepReport:
+    """What a step did, and the state at its end."""
+
+    step: int
+    """Number of steps done, this one included."""
+    time: float
+    """Simulated time at the end of the step, s."""
+    force: Floats | None
+    """Contact force on the tool, world axes, N, shape (3,); ``None`` without a tool."""
+    torque: Floats | None
+    """Contact torque on the tool about its centre, world axes, N m, shape (3,); ``None`` without a tool."""
+    tool: Pose | None
+    """Pose of the tool; ``None`` without a tool."""
+    device: Pose | None
+    """Pose of the haptic device; ``None`` without a tool."""
+    contact_count: int | None
+    """Number of contacts, which are skin vertices inside another body; ``None`` where nothing can collide."""
+    max_depth: float | None
+    """Greatest depth of a contact, m; ``None`` where nothing can collide."""
+    iterations: int
+    """Conjugate gradient iterations, summed over all linear solves of the step."""
+    residual: float
+    """Relative residual of the linear system at the end of the last solve."""
+    flags: Flags
+    """What went wrong in the step; 0 if nothing did."""
+    step_us: float
+    """Wall time of the step, microseconds."""
+    probes: Floats
+    """World positions of the scene's probes, m, shape (P, 3)."""
+    work: Work
+    """What the step asked of the GPU."""
+
+
+class Contacts(NamedTuple):
+    """The contacts of a step by columns: N skin vertices that lie inside another body."""
+
+    bodies: Indices
+    """The body that the vertex belongs to, and the body that it touches, by index, shape (N, 2); the tool's index is the
+    one after the last body's."""
+    vertex: Indices
+    """Index of the vertex in the skin of its body, shape (N,)."""
+    position: Floats
+    """World position of the vertex, m, shape (N, 3)."""
+    normal: Floats
+    """Unit normal out of the touched body, world axes, shape (N, 3)."""
+    depth: Floats
+    """Depth of the vertex along the normal, m, shape (N,)."""
+    area: Floats
+    """Area of skin that the vertex stands for, projected along the normal, m^2, shape (N,)."""
+    pressure: Floats
+    """Pressure along the normal at the end of the step, Pa, shape (N,)."""
+    friction: Floats
+    """Friction force per area on the body of the vertex, world axes, Pa, shape (N, 3)."""
+
+    @property
+    def force(self) -> Floats:
+        """Force on the body of the vertex, world axes, N, shape (N, 3)."""
+        return self.area[:, None] * (self.pressure[:, None] * self.normal + self.friction)
+
+
+class Skin(NamedTuple):
+    """A skin (surface mesh) of N vertices and M triangles.
+
+    Positions and normals are views of memory that :meth:`Simulation.skin` writes: the next call of that method, for any
+    body of the simulation, changes them. Copy what is to be kept.
+    """
+
+    positions: NDArray[np.float32]
+    """World positions of the vertices, m, shape (N, 3)."""
+    normals: NDArray[np.float32]
+    """Outward unit normals, shape (N, 3)."""
+
+
+class Material(NamedTuple):
+    """Elastic material; the law (corotational or neo-Hookean) is the scene's."""
+
+    young: float
+    """Young's modulus at small strain, Pa."""
+    poisson: float
+    """Poisson's ratio at small strain."""
+    density: float
+    """Density, kg/m^3."""
+    damping_mass: float = 0.0
+    """Rayleigh damping coefficient that multiplies the mass matrix, 1/s."""
+    damping_stiffness: float = 0.0
+    """Rayleigh damping coefficient that multiplies the stiffness matrix, s."""
+
+
+@dataclass
+class Trace:
+    """The reports of several steps by columns; T is the number of steps."""
+
+    reports: list[StepReport] = field(default_factory=list["StepReport"])
+    """The reports of the steps."""
+
+    def __len__(self) -> int:
+        return len(self.reports)
+
+    def __iter__(self) -> Iterator[StepReport]:
+        return iter(self.reports)
+
+    def __getitem__(self, step: int) -> StepReport:
+        return self.reports[step]
+
+    @property
+    def time(self) -> Floats:
+        """Simulated time at the end of each step, s, shape (T,)."""
+        return np.array([report.time for report in self.reports])
+
+    @property
+    def force(self) -> Floats:
+        """Contact force on the tool, world axes, N, shape (T, 3); NaN without a tool."""
+        return _rows([report.force for report in self.reports])
+
+    @property
+    def torque(self) -> Floats:
+        """Contact torque on the tool about its centre, world axes, N m, shape (T, 3); NaN without a tool."""
+        return _rows([report.torque for report in self.reports])
+
+    @property
+    def tool(self) -> Floats:
+        """Position of the tool, m, shape (T, 3); NaN without a tool."""
+        return _rows([report.tool and np.array(report.tool.position) for report in self.reports])
+
+    @property
+    def device(self) -> Floats:
+        """Position of the haptic device, m, shape (T, 3); NaN without a tool."""
+        return _rows([report.device and np.array(report.device.position) for report in self.reports])
+
+    @property
+    def max_depth(self) -> Floats:
+        """Greatest depth of a contact, m, shape (T,); NaN where nothing can collide."""
+        return np.array([np.nan if report.max_depth is None else report.max_depth for report in self.reports])
+
+    @property
+    def iterations(self) -> NDArray[np.int64]:
+        """Conjugate gradient iterations of each step, shape (T,)."""
+        return np.array([report.iterations for report in self.reports], np.int64)
+
+    @property
+    def flags(self) -> Flags:
+        """The flags of all steps together."""
+        together = Flags(0)
+        for report in self.reports:
+            together |= report.flags
+        return together
+
+    def flagged(self) -> dict[str, int]:
+        """Number of steps that raised each flag, by the flag's name."""
+        counts = {flag.name or "": sum(flag in report.flags for report in self.reports) for flag in Flags}
+        return {name: count for name, count in counts.items() if count > 0}
+
+
+class Simulation:
+    """A scene that is being simulated on a Vulkan device.
+
+    Calls from several threads follow one another, and none holds the interpreter's lock while the device works, so that
+    simulations in several threads run side by side.
+
+    Args:
+        scene: The scene, or what :meth:`Scene.load` takes.
+        context: A device that is open already; ``None``: the simulation opens one of its own.
+        device: Part of the name, or the index, of the device to open; ``None``: the first usable one.
+        threads: Worker threads of Mesa's CPU driver lavapipe: a number, ``"auto"`` (none for small scenes, which are
+            faster so) or ``None`` (the driver's choice). Set by an environment variable of the process.
+        cache: Whether prepared bodies are kept in the user's cache folder, which saves seconds the next time.
+
+    Raises:
+        InputError: The scene cannot be used.
+        DeviceError: No Vulkan device can be used; the message says what to install.
+        OutOfMemoryError: The device has too little memory for the scene.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | os.PathLike[str],
+        *,
+        context: Context | None = None,
+        device: str | int | None = None,
+        threads: int | str | None = "auto",
+        cache: bool = True,
+    ) -> None:
+        self.scene = scene if isinstance(scene, Scene) else Scene.load(scene)
+        self._native = native.Simulation(
+            self.scene._native,  # pyright: ignore[reportPrivateUsage]
+            context and context._native,  # pyright: ignore[reportPrivateUsage]
+            None if device is None else str(device),
+            None if threads is None else str(threads),
+            cache,
+        )
+
+    def step(self, pose: PoseLike | None = None) -> StepReport:
+        """Simulate one step of the scene's ``dt``.
+
+        Args:
+            pose: Pose of the haptic device at the end of the step: a :class:`Pose`, or a position (m). The device moves
+                there uniformly. ``None``: it follows the scene's ``[drive]``, or stays where an earlier pose put it.
+        """
+        return _report(self._native.step(None if pose is None else _pose(pose)))
+
+    def run(
+        self,
+        seconds: float | None = None,
+        *,
+        pose: Callable[[float], PoseLike] | None = None,
+        progress: bool = False,
+    ) -> Trace:
+        """Simulate for some time, and return the reports of all steps.
+
+        Args:
+            seconds: Time to simulate, s. ``None``: up to the last key of the scene's ``[drive]``.
+            pose: Called with the time at the end of each step (s); returns the pose of the haptic device then. ``None``:
+                the device follows the scene's ``[drive]``.
+            progress: Whether to show on standard error how far the run is.
+        """
+        dt, begun = self.scene.dt, self.time
+        duration = max(self.scene.duration - begun, 0.0) if seconds is None else seconds
+        if not 0.0 <= duration < float("inf"):
+            raise InputError(f"seconds is {seconds}; give a time of 0 or more")
+        count, trace = round(duration / dt), Trace()
+        for step in range(count):
+            trace.reports.append(self.step(None if pose is None else pose(begun + (step + 1) * dt)))
+            if progress and (step % max(count // 100, 1) == 0 or step + 1 == count):
+                end = "\n" if step + 1 == count else ""
+                print(f"\r{self.scene.name}: {100 * (step + 1) // count} %", end=end, file=sys.stderr, flush=True)
+        return trace
+
+    @property
+    def time(self) -> float:
+        """Simulated time at the end of the last step, s."""
+        return self._native.time
+
+    @property
+    def device(self) -> str:
+        """Name of the Vulkan device."""
+        return self._native.device
+
+    @property
+    def bodies(self) -> list[str]:
+        """Names of the bodies, in the order of the scene; methods take a name or an index."""
+        return self._native.bodies
+
+    @property
+    def notes(self) -> list[str]:
+        """What preparation changed in the bodies' mesh files, a sentence each."""
+        return self._native.notes()
+
+    def contacts(self) -> Contacts:
+        """The contacts of the last step, without those that would have pulled and were released."""
+        return Contacts(*self._native.contacts())
+
+    def nodes(self, body: str | int = 0) -> Floats:
+        """World positions of the nodes of a soft body's tetrahedral mesh, m, shape (N, 3); empty for another body."""
+        return self._native.nodes(self._body(body))[0]
+
+    def node_velocities(self, body: str | int = 0) -> Floats:
+        """Velocities of the nodes of a soft body, world axes, m/s, shape (N, 3); empty for another body."""
+        return self._native.nodes(self._body(body))[1]
+
+    def tetrahedra(self, body: str | int = 0) -> Indices:
+        """Nodes of each tetrahedron of a soft body, shape (M, 4); empty for another body."""
+        return self._native.tetrahedra(self._body(body))
+
+    def skin(self, body: str | int = 0) -> Skin:
+        """The skin of a body as it is now; ``"tool"`` is the tool's. See :class:`Skin` on how long it stays so."""
+        positions, normals = self._native.skin(self._body(body))
+        return Skin(positions[:, :3], normals[:, :3])
+
+    def triangles(self, body: str | int = 0) -> Indices:
+        """Vertices of each triangle of a body's skin, counter-clockwise seen from outside, shape (M, 3)."""
+        return self._native.triangles(self._body(body))
+
+    def save(self) -> bytes:
+        """The state after the last step, from which :meth:`restore` continues to the last bit on the same device."""
+        return self._native.save()
+
+    def restore(self, state: bytes) -> None:
+        """Continue from a saved state.
+
+        Raises:
+            InputError: The state is damaged or belongs to a simulation of other bodies; nothing is changed.
+        """
+        self._native.restore(state)
+
+    def materials(self, body: str | int = 0) -> list[Material]:
+        """The materials of a body: its own, then those of its material regions; empty where it is not soft."""
+        return [Material(*values) for values in self._native.materials(self._body(body))]
+
+    def set_material(self, material: Material, body: str | int = 0, index: int = 0) -> None:
+        """Give a soft body another material from the next step on.
+
+        Args:
+            material: The new material.
+            body: Name or index of the body.
+            index: Which of :meth:`materials` it replaces.
+        """
+        self._native.set_material(self._body(body), index, list(material))
+
+    def set_contact(
+        self,
+        *,
+        stiffness: float | None = None,
+        damping: float | None = None,
+        friction: float | None = None,
+        depth_limit: float | None = None,
+    ) -> None:
+        """Change the contact law from the next step on; ``None`` keeps a value.
+
+        Args:
+            stiffness: Penalty stiffness per contact area, N/m^3.
+            damping: Penalty damping per contact area, N s/m^3.
+            friction: Coulomb's coefficient of friction.
+            depth_limit: Depth of a contact above which a step raises a flag, m.
+        """
+        self._native.set_contact(stiffness, damping, friction, depth_limit)
+
+    def set_coupling(
+        self,
+        stiffness: float,
+        damping: float = 0.0,
+        angular_stiffness: float = 0.0,
+        angular_damping: float = 0.0,
+    ) -> None:
+        """Set the virtual coupling, a spring and damper between haptic device and tool.
+
+        Args:
+            stiffness: Force per distance, N/m.
+            damping: Force per velocity, N s/m.
+            angular_stiffness: Torque per angle, N m/rad.
+            angular_damping: Torque per angular velocity, N m s/rad.
+        """
+        self._native.set_coupling([stiffness, damping, angular_stiffness, angular_damping])
+
+    def core_pose(self, body: str | int, core: int = 0) -> Pose | None:
+        """Pose of a body's rigid core; ``None`` if there is no such core."""
+        pose = self._native.core_pose(self._body(body), core)
+        return pose and _plain_pose(pose)
+
+    def move_core(self, pose: PoseLike, body: str | int = 0, core: int = 0, seconds: float = 0.0) -> None:
+        """Move a driven core to a pose, uniformly within some seconds (a step at least), and leave it there."""
+        self._native.move_core(self._body(body), core, _pose(pose), seconds)
+
+    def picture(
+        self,
+        *,
+        size: tuple[int, int] = (1280, 720),
+        show: Sequence[str] = (),
+        camera: tuple[float, float] | tuple[float, float, float] | None = None,
+        at: Sequence[float] | None = None,
+        time: bool = True,
+    ) -> NDArray[np.uint8]:
+        """An image of the simulation as it is now, shape (height, width, 3), red, green and blue from 0 to 255.
+
+        Args:
+            size: Width and height, pixels.
+            show: What to show besides the skins: one of ``pressure``, ``depth``, ``energy``, ``displacement``,
+                ``materials``; and ``force``, ``proxies``, ``regions``, ``layer``, ``cores``.
+            camera: Angles to the right of the front and above the horizon (degrees), and a zoom factor.
+            at: Point that the camera looks at, m.
+            time: Whether the simulated time stands in a corner.
+        """
+        words = ["--size", f"{size[0]}x{size[1]}"]
+        words += ["--show", ",".join(show)] if show else []
+        words += [f"--camera={','.join(map(str, camera))}"] if camera is not None else []
+        words += [f"--at={','.join(str(float(x)) for x in at)}"] if at is not None else []
+        words += [] if time else ["--no-time"]
+        return self._native.picture(words)
+
+    def _body(self, body: str | int) -> int:
+        names = [*self.bodies, "tool"] if self.scene.has_tool else self.bodies
+        if body in names:
+            return names.index(str(body))
+        if isinstance(body, int) and 0 <= body < len(names):
+            return body
+        raise InputError(f"there is no body {body!r}; give one of {', '.join(names)}, or an index below {len(names)}")
+
+    def __repr__(self) -> str:
+        return f"Simulation({self.scene.name!r}, time={self.time:.4g} s, device={self.device!r})"
+
+
+def _pose(pose: "PoseLike | ArrayLike") -> PlainPose:
+    position, orientation = pose if isinstance(pose, Pose) else (pose, Pose((0.0, 0.0, 0.0)).orientation)
+    numbers = np.asarray(position, np.float64)
+    if numbers.shape != (3,):
+        raise InputError(f"a pose has the shape {numbers.shape}; give a Pose, or three numbers")
+    x, y, z = (float(number) for number in numbers)
+    return (x, y, z), orientation
+
+
+def _plain_pose(pose: ReadPose) -> Pose:
+    position, orientation = pose
+    return Pose(
+        cast(tuple[float, float, float], tuple(position)),
+        cast(tuple[float, float, float, float], tuple(orientation)),
+    )
+
+
+def _report(plain: Report) -> StepReport:
+    step, time, tool, contacts, depth, iterations, residual, flags, step_us, probes, work = plain
+    force = torque = tool_pose = device_pose = None
+    if tool is not None:
+        force, torque = np.array(tool[0]), np.array(tool[1])
+        tool_pose, device_pose = _plain_pose(tool[2]), _plain_pose(tool[3])
+    return StepReport(
+        step=step,
+        time=time,
+        force=force,
+        torque=torque,
+        tool=tool_pose,
+        device=device_pose,
+        contact_count=contacts,
+        max_depth=depth,
+        iterations=iterations,
+        residual=residual,
+        flags=Flags(flags),
+        step_us=step_us,
+        probes=np.array(probes).reshape(-1, 3),
+        work=Work(*work),
+    )
+
+
+def _rows(vectors: Sequence[Floats | None]) -> Floats:
+    return np.array([np.full(3, np.nan) if vector is None else vector for vector in vectors]).reshape(-1, 3)
