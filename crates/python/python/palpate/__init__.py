@@ -23,10 +23,12 @@ from .errors import (
 from .flags import Flags
 from .identify import Estimate, Fit, fit
 from .native import __version__
+from .plain import Floats, Indices
 from .program import film, prepare
 from .query import Overlap, Query
 from .scene import Scene, shipped_scenes
 from .simulation import Contacts, Material, Pose, PoseLike, Simulation, Skin, StepReport, Trace, Work
+from .sweep import Sweep, sweep
 
 __all__ = [
     "Contacts",
@@ -36,6 +38,8 @@ __all__ = [
     "Estimate",
     "Fit",
     "Flags",
+    "Floats",
+    "Indices",
     "InputError",
     "Material",
     "OutOfMemoryError",
@@ -50,6 +54,7 @@ __all__ = [
     "SimulationError",
     "Skin",
     "StepReport",
+    "Sweep",
     "Trace",
     "VulkanError",
     "Work",
@@ -59,4 +64,5 @@ __all__ = [
     "fit",
     "prepare",
     "shipped_scenes",
+    "sweep",
 ]

@@ -1,6 +1,8 @@
 """Scenes: what is simulated."""
 
 import copy
+import hashlib
+import json
 import os
 import tomllib
 from collections.abc import Mapping
@@ -60,7 +62,7 @@ class Scene:
         folder: str | os.PathLike[str] = ".",
         name: str = "scene",
     ) -> None:
-        self._tables: Tables = _plain(dict(tables))
+        self._tables: Tables = plain_value(dict(tables))
         self._surfaces = _meshes(surfaces)
         self._layers = _meshes(layers)
         self._file = Path(folder) / f"{name}.toml"
@@ -109,7 +111,7 @@ class Scene:
         """
         tables = self._tables
         for key, value in values.items():
-            tables = native.Scene.with_value(tables, key, _plain(value))
+            tables = native.Scene.with_value(tables, key, plain_value(value))
         scene = Scene.__new__(Scene)
         scene._tables, scene._surfaces, scene._layers = tables, self._surfaces, self._layers
         scene._file = self._file
@@ -150,19 +152,34 @@ class Scene:
         """Time up to the last key of ``[drive]``, s; 1 s if there are no keys."""
         return self._native.duration
 
+    @property
+    def fingerprint(self) -> str:
+        """Digest of all that the scene says; files that it names are not read."""
+        digest = hashlib.sha256(json.dumps([self._tables, str(self._file)], sort_keys=True).encode())
+        for name, points, corners in [*self._surfaces, *self._layers]:
+            digest.update(name.encode() + points.tobytes() + corners.tobytes())
+        return digest.hexdigest()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_native"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._native = native.Scene.build(str(self._file), self._tables, self._surfaces, self._layers)
+
     def __repr__(self) -> str:
         return f"Scene({self.name!r}, bodies={self.bodies})"
 
 
-def _plain(value: Any) -> Any:
-    """The value with lists and numbers instead of arrays and NumPy numbers."""
+def plain_value(value: Any) -> Any:
+    """A value with lists and numbers instead of arrays and NumPy numbers."""
     match value:
         case np.ndarray() | np.generic():
             return cast(Any, value).tolist()
         case Mapping():
-            return {str(key): _plain(inner) for key, inner in cast(Mapping[str, Any], value).items()}
+            return {str(key): plain_value(inner) for key, inner in cast(Mapping[str, Any], value).items()}
         case list() | tuple():
-            return [_plain(inner) for inner in cast(list[Any], value)]
+            return [plain_value(inner) for inner in cast(list[Any], value)]
         case os.PathLike():
             return os.fspath(cast("os.PathLike[str]", value))
         case _:
