@@ -2,7 +2,7 @@
 # Builds palpate and puts it where other programs find it:
 #   ./install.sh [--prefix DIR] [--built DIR]
 # The folder after --prefix, by default target/install, gets bin/palpate, include/palpate.h and palpate.hpp,
-# lib/libpalpate (shared and static), lib/pkgconfig/palpate.pc and lib/cmake/palpate; this folder can be moved as a whole.
+# lib/libpalpate (shared, with the version in its name, and static), lib/pkgconfig/palpate.pc and lib/cmake/palpate; this folder can be moved as a whole.
 # With --built nothing is built: the libraries and the program are taken from the folder after --built.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -42,7 +42,14 @@ version=$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml | head -1)
 mkdir -p "$prefix"/{bin,include,lib/pkgconfig,lib/cmake/palpate}
 install -m 755 "$built/palpate" "$prefix/bin/palpate"
 install -m 644 crates/capi/src/palpate.h crates/capi/src/palpate.hpp "$prefix/include/"
-install -m 755 "$built/$made" "$prefix/lib/$shared"
+# The file's name has the version; programs are linked with the name without it.
+case "$shared" in
+    *.so) versioned=$shared.$version ;;
+    *) versioned=${shared%.dylib}.$version.dylib ;;
+esac
+rm -f "$prefix/lib/$shared"
+install -m 755 "$built/$made" "$prefix/lib/$versioned"
+ln -s "$versioned" "$prefix/lib/$shared"
 [ "$(uname -s)" != Darwin ] || install_name_tool -id "@rpath/$shared" "$prefix/lib/$shared"
 install -m 644 "$built/libpalpate_capi.a" "$prefix/lib/libpalpate.a"
 fill() {

@@ -61,7 +61,8 @@ fn build() -> Result<(), String> {
     let threads = thread::available_parallelism().map_or(1, |count| count.get());
     let shares = sources.chunks(sources.len().div_ceil(threads).max(1));
     let refreshed: Vec<_> = thread::scope(|scope| {
-        let refresh_share = |share: &[PathBuf]| share.iter().map(|source| refresh(&root, source, &out)).collect::<Vec<_>>();
+        let refresh_share =
+            |share: &[PathBuf]| share.iter().map(|source| refresh(&root, source, &out)).collect::<Vec<_>>();
         let running: Vec<_> = shares.map(|share| scope.spawn(move || refresh_share(share))).collect();
         running.into_iter().flat_map(|share| share.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
     });

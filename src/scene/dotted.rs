@@ -53,7 +53,8 @@ fn element<'p, 'k>(list: &[Value], path: &'p [&'k str], key: &str) -> Result<(us
     if list.len() == 1 {
         return Ok((0, path));
     }
-    let all: Vec<String> = names().zip(0..).map(|(name, index)| name.map_or(format!("{index}"), String::from)).collect();
+    let all: Vec<String> =
+        names().zip(0..).map(|(name, index)| name.map_or(format!("{index}"), String::from)).collect();
     Err(Error::Usage(format!("{key}: does not say which of {}; add one of these to the key", all.join(", "))))
 }
 
@@ -66,7 +67,8 @@ mod tests {
     use super::*;
 
     fn tables() -> Table {
-        let text = "[step]\ndt = 0.002\n[[body]]\nname = \"a\"\nmaterial = { young = 1.0 }\n[[body.core]]\nname = \"c\"\n";
+        let text =
+            "[step]\ndt = 0.002\n[[body]]\nname = \"a\"\nmaterial = { young = 1.0 }\n[[body.core]]\nname = \"c\"\n";
         text.parse().unwrap()
     }
 
@@ -93,7 +95,9 @@ mod tests {
         let mut two = tables();
         let second: Table = "name = \"b\"".parse().unwrap();
         two["body"].as_array_mut().unwrap().push(Value::Table(second));
-        assert!(set(&mut two, "body.material.young", Value::Float(1.0)).unwrap_err().to_string().contains("which of a, b"));
+        assert!(
+            set(&mut two, "body.material.young", Value::Float(1.0)).unwrap_err().to_string().contains("which of a, b")
+        );
         set(&mut two, "body.b.material.young", Value::Float(3.0)).unwrap();
         assert_eq!(get(&two, "body.1.material.young").unwrap(), Some(Value::Float(3.0)));
     }

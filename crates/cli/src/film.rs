@@ -140,7 +140,9 @@ impl Look {
     /// Reads such options from the words of a command line.
     pub fn parse(words: &[String]) -> Result<Look> {
         let program = std::iter::once("picture").chain(words.iter().map(String::as_str));
-        Picturing::try_parse_from(program).map(|picturing| picturing.look).map_err(|error| Error::Usage(one_line(&error)))
+        Picturing::try_parse_from(program)
+            .map(|picturing| picturing.look)
+            .map_err(|error| Error::Usage(one_line(&error)))
     }
 
     /// The overlays to show. Errors: several overlays that are drawn as colours, of which only one can be shown.

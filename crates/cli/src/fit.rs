@@ -122,10 +122,8 @@ fn words(fit: &Fit, measured: &Measured) -> String {
     }
     for (i, row) in fit.correlation.iter().enumerate() {
         for (j, correlation) in row.iter().enumerate().take(i) {
-            text += &format!(
-                "correlation of {} and {}: {correlation:.2}\n",
-                fit.estimates[j].key, fit.estimates[i].key
-            );
+            text +=
+                &format!("correlation of {} and {}: {correlation:.2}\n", fit.estimates[j].key, fit.estimates[i].key);
         }
     }
     let share = 100.0 * fit.scatter / measured.peak();
@@ -144,6 +142,12 @@ fn words(fit: &Fit, measured: &Measured) -> String {
         fit.simulations,
         fit.scatter
     );
+    if fit.extrapolated > 0 {
+        text += &format!(
+            "{} points lie deeper than the fitted scene presses; its curve was extended there. Extend the keys of [drive].\n",
+            fit.extrapolated
+        );
+    }
     if fit.flags != Default::default() {
         let names = fit.flags.names().collect::<Vec<_>>().join(", ");
         text += &format!("Steps of the fitted scene raised flags: {names}.\n");

@@ -79,7 +79,9 @@ impl Measured {
             let number = |column: usize| {
                 let text = record.get(column).unwrap_or_default();
                 let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-                number.ok_or_else(|| Error::input(file, line, format!("\"{text}\" is no number"), "correct or remove the line"))
+                number.ok_or_else(|| {
+                    Error::input(file, line, format!("\"{text}\" is no number"), "correct or remove the line")
+                })
             };
             points.push((factors[0] * number(x)?, factors[1] * number(force)?));
         }

@@ -16,10 +16,16 @@ struct Sample {
     depth: f64,
 }
 
-/// Force at each abscissa of a measured curve, N, and the flags of all steps.
+/// Share of the greatest simulated indentation by which a measured curve may go beyond it: near the best values a stiff
+/// body is pressed a little less deep than a soft one, since the coupling yields.
+const BEYOND: f64 = 0.05;
+
+/// Force at each abscissa of a measured curve, N, how many of them lie beyond the simulated curve, which is extrapolated
+/// there, and the flags of all steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Simulated {
     pub forces: Vec<f64>,
+    pub extrapolated: usize,
     pub flags: Flags,
 }
 
@@ -42,7 +48,7 @@ pub fn simulate(context: &Arc<Context>, scene: &Scene, measured: &Measured) -> R
         samples.push(Sample { time: report.time, centre: tool.tool.position, force: tool.force, depth });
     }
     let start = scene.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.position);
-    let curve = match measured.over {
+    let curve: Vec<(f64, f64)> = match measured.over {
         Abscissa::Time => {
             std::iter::once((0.0, 0.0)).chain(samples.iter().map(|s| (s.time, s.force.length()))).collect()
         }
@@ -50,7 +56,7 @@ pub fn simulate(context: &Arc<Context>, scene: &Scene, measured: &Measured) -> R
     };
     let deepest = curve.last().map_or(0.0, |(x, _)| *x);
     let measured_deepest = measured.points.iter().fold(0.0, |most: f64, (x, _)| most.max(*x));
-    if measured_deepest > 1.001 * deepest {
+    if measured_deepest > (1.0 + BEYOND) * deepest {
         return Err(Error::Usage(format!(
             "the scene presses {:.3} mm deep, but the curve was measured to {:.3} mm; extend the keys of [drive], or \
              leave out the deepest points",
@@ -58,7 +64,10 @@ pub fn simulate(context: &Arc<Context>, scene: &Scene, measured: &Measured) -> R
             1e3 * measured_deepest
         )));
     }
-    Ok(Simulated { forces: measured.points.iter().map(|(x, _)| interpolated(&curve, *x)).collect(), flags })
+    let forces = measured.points.iter().map(|(x, _)| at(&curve, *x)).collect();
+    // Rounding of times and depths is not meant.
+    let extrapolated = measured.points.iter().filter(|(x, _)| *x > (1.0 + 1e-6) * deepest).count();
+    Ok(Simulated { forces, extrapolated, flags })
 }
 
 /// The part of a press up to its greatest indentation: indentation since first touch (m) and force (N), from 0 and 0.
@@ -83,14 +92,14 @@ fn over_indentation(samples: &[Sample], start: DVec3) -> Result<Vec<(f64, f64)>>
     Ok(curve)
 }
 
-/// The value of a curve with rising abscissae at `x`, by linear interpolation; beyond an end that end's value.
-fn interpolated(curve: &[(f64, f64)], x: f64) -> f64 {
-    let after = curve.partition_point(|(at, _)| *at < x);
-    match (after.checked_sub(1).map(|k| curve[k]), curve.get(after)) {
-        (Some((x0, y0)), Some((x1, y1))) => y0 + (y1 - y0) * (x - x0) / (x1 - x0),
-        (Some((_, y)), None) => y,
-        (None, Some((_, y))) => *y,
-        (None, None) => 0.0,
+/// The value of a curve with rising abscissae at `x`: by linear interpolation, beyond the end along the last line, before
+/// the beginning the first value.
+fn at(curve: &[(f64, f64)], x: f64) -> f64 {
+    let line = curve.partition_point(|(at, _)| *at < x).clamp(1, curve.len().saturating_sub(1).max(1));
+    match (curve.get(line - 1), curve.get(line)) {
+        (Some((x0, y0)), Some((x1, y1))) => y0 + (y1 - y0) * (x - x0).max(0.0) / (x1 - x0),
+        (Some((_, y)), None) => *y,
+        _ => 0.0,
     }
 }
 
@@ -101,9 +110,10 @@ mod tests {
     #[test]
     fn curves_are_interpolated() {
         let curve = [(0.0, 0.0), (1.0, 2.0), (3.0, 4.0)];
-        for (x, y) in [(-1.0, 0.0), (0.0, 0.0), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0), (9.0, 4.0)] {
-            assert_eq!(interpolated(&curve, x), y, "at {x}");
+        for (x, y) in [(-1.0, 0.0), (0.0, 0.0), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0), (5.0, 6.0)] {
+            assert_eq!(at(&curve, x), y, "at {x}");
         }
+        assert_eq!((at(&curve[..1], 2.0), at(&[], 2.0)), (0.0, 0.0));
     }
 
     #[test]

@@ -83,6 +83,9 @@ pub struct Fit {
     pub verdict: Verdict,
     /// Force of the fitted scene at each measured point, N.
     pub forces: Vec<f64>,
+    /// Number of measured points that lie beyond the curve of the fitted scene, which is extrapolated there by at most a
+    /// twentieth of its length.
+    pub extrapolated: usize,
     /// Number of simulations.
     pub simulations: u32,
     /// Flags of the steps of the fitted scene.
@@ -127,7 +130,9 @@ fn fit_model(
 ) -> Result<Fit> {
     let (points, count) = (measured.points.len(), free.len());
     if count == 0 || points <= count {
-        return Err(Error::Usage(format!("{count} values cannot be fitted to {points} points; give one value or more, and more points than values")));
+        return Err(Error::Usage(format!(
+            "{count} values cannot be fitted to {points} points; give one value or more, and more points than values"
+        )));
     }
     let scales = free.iter().zip(initial).map(|(free, value)| Scale::of(free, *value)).collect::<Result<Vec<_>>>()?;
     let most = MOST_SIMULATIONS * count as u32;
@@ -171,7 +176,9 @@ impl Scale {
                 let start = (2.0 * (value - low) / (high - low) - 1.0).asin();
                 Ok(Scale { value, bounds: Some((low, high)), start })
             }
-            Some((low, high)) => wrong(format!("is {value} in the scene, not between its bounds {low} and {high}; change one")),
+            Some((low, high)) => {
+                wrong(format!("is {value} in the scene, not between its bounds {low} and {high}; change one"))
+            }
         }
     }
 
@@ -186,7 +193,9 @@ impl Scale {
     fn next(&self, value: f64) -> f64 {
         match self.bounds {
             None => value * (1.0 + DIFFERENCE),
-            Some((low, high)) if value > 0.5 * (low + high) => value - DIFFERENCE * (high - low).min(value.abs().max(0.05 * (high - low))),
+            Some((low, high)) if value > 0.5 * (low + high) => {
+                value - DIFFERENCE * (high - low).min(value.abs().max(0.05 * (high - low)))
+            }
             Some((low, high)) => value + DIFFERENCE * (high - low).min(value.abs().max(0.05 * (high - low))),
         }
     }
@@ -288,6 +297,7 @@ impl<M: Fn(&[f64]) -> Result<Simulated>> Problem<'_, M> {
             scatter,
             verdict,
             forces: simulated.forces,
+            extrapolated: simulated.extrapolated,
             simulations: self.trials.borrow().len() as u32,
             flags: simulated.flags,
         })
@@ -366,7 +376,7 @@ mod tests {
     }
 
     fn simulated(measured: &Measured, of: impl Fn(f64) -> f64) -> Simulated {
-        Simulated { forces: measured.points.iter().map(|(x, _)| of(*x)).collect(), flags: Flags::default() }
+        Simulated { forces: measured.points.iter().map(|(x, _)| of(*x)).collect(), extrapolated: 0, flags: Flags::default() }
     }
 
     #[test]
@@ -377,7 +387,11 @@ mod tests {
             let peak = press(truth, 0.0, 1.0);
             let measured = Measured::of(
                 Abscissa::Indentation,
-                curve(|x| press(truth, 0.0, x)).points.into_iter().map(|(x, y)| (x, y + 0.02 * peak * random())).collect(),
+                curve(|x| press(truth, 0.0, x))
+                    .points
+                    .into_iter()
+                    .map(|(x, y)| (x, y + 0.02 * peak * random()))
+                    .collect(),
             )
             .unwrap();
             let fit = fit_model(&measured, &free(&["young"]), &[20.0], |values| {

@@ -27,7 +27,9 @@ mod tests {
     /// Values of published tables.
     #[test]
     fn quantiles_are_those_of_the_tables() {
-        for (degrees, expected) in [(1, 12.706), (2, 4.303), (3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (1000, 1.962)] {
+        for (degrees, expected) in
+            [(1, 12.706), (2, 4.303), (3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (1000, 1.962)]
+        {
             assert!((two_sided_95(degrees) - expected).abs() < 2e-3 * expected, "{degrees}: {}", two_sided_95(degrees));
         }
     }

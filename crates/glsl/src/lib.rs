@@ -55,7 +55,8 @@ pub fn digest(whole_text: &str) -> String {
 /// Compiles the shader in the file `source`, which includes files of the folder of shaders `root`, to SPIR-V 1.6.
 pub fn compile(root: &Path, source: &Path, arrays: Arrays) -> Result<Vec<u8>, String> {
     let glslc = glslc();
-    let shown = |path: &Path| path.strip_prefix(root).map_or(path.to_path_buf(), |path| Path::new("shaders").join(path));
+    let shown =
+        |path: &Path| path.strip_prefix(root).map_or(path.to_path_buf(), |path| Path::new("shaders").join(path));
     let mut command = Command::new(&glslc);
     command.args(OPTIONS).arg("-Ishaders").args(["-o", "-"]).arg(shown(source));
     if arrays == Arrays::Texel {
@@ -79,6 +80,7 @@ pub fn compile(root: &Path, source: &Path, arrays: Arrays) -> Result<Vec<u8>, St
 /// The command that compiles: what the environment variable GLSLC names, or else that of the Vulkan SDK in use, or
 /// else the system's.
 fn glslc() -> PathBuf {
-    let sdk = || std::env::var_os("VULKAN_SDK").map(|sdk| Path::new(&sdk).join("bin/glslc")).filter(|path| path.exists());
+    let sdk =
+        || std::env::var_os("VULKAN_SDK").map(|sdk| Path::new(&sdk).join("bin/glslc")).filter(|path| path.exists());
     std::env::var_os("GLSLC").map(PathBuf::from).or_else(sdk).unwrap_or_else(|| OsString::from("glslc").into())
 }

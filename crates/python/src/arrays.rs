@@ -31,7 +31,10 @@ pub fn numbers<'py>(py: Python<'py>, values: impl Iterator<Item = f64>) -> Bound
 }
 
 /// The rows of an array with K columns.
-pub fn read<T: numpy::Element + Copy, const K: usize>(name: &str, array: &PyReadonlyArray2<'_, T>) -> PyResult<Vec<[T; K]>> {
+pub fn read<T: numpy::Element + Copy, const K: usize>(
+    name: &str,
+    array: &PyReadonlyArray2<'_, T>,
+) -> PyResult<Vec<[T; K]>> {
     let view = array.as_array();
     if view.ncols() != K {
         return Err(wrong(format!("{name} has {} columns; give {K}", view.ncols())));

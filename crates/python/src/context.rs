@@ -17,7 +17,12 @@ pub struct Context {
 }
 
 /// Options of an opened device, as `palpate.Context` describes them.
-pub fn options(device: Option<String>, threads: Option<&str>, cache: bool, workgroup: Option<u32>) -> PyResult<Options> {
+pub fn options(
+    device: Option<String>,
+    threads: Option<&str>,
+    cache: bool,
+    workgroup: Option<u32>,
+) -> PyResult<Options> {
     let threads = match threads {
         None => None,
         Some("auto") => Some(Threads::Auto),

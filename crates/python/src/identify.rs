@@ -13,8 +13,8 @@ use crate::scene::plain;
 /// A fitted value: key, initial value, value, standard error and 95 % interval.
 type Estimate = (String, f64, f64, f64, [f64; 2]);
 
-/// The estimates, their correlation, scatter, verdict, forces, number of simulations, and flags.
-type Found<'py> = (Vec<Estimate>, Vec<Vec<f64>>, f64, &'static str, Bound<'py, PyArray1<f64>>, u32, u32);
+/// The estimates, their correlation, scatter, verdict, forces, extrapolated points, number of simulations, and flags.
+type Found<'py> = (Vec<Estimate>, Vec<Vec<f64>>, f64, &'static str, Bound<'py, PyArray1<f64>>, usize, u32, u32);
 
 /// Fits values of a scene's tables to a curve over time (s) or indentation (m).
 #[pyfunction]
@@ -45,5 +45,6 @@ pub fn fit<'py>(
     };
     let estimates = found.estimates.into_iter().map(|e| (e.key, e.initial, e.value, e.standard_error, e.interval));
     let forces = found.forces.into_pyarray(py);
-    Ok((estimates.collect(), found.correlation, found.scatter, verdict, forces, found.simulations, found.flags.0))
+    let counts = (found.extrapolated, found.simulations);
+    Ok((estimates.collect(), found.correlation, found.scatter, verdict, forces, counts.0, counts.1, found.flags.0))
 }

@@ -260,9 +260,10 @@ impl Simulation {
 }
 
 fn plain_report(report: &StepReport) -> PlainReport {
-    let tool = report.tool.as_ref().map(|tool| {
-        (tool.force.to_array(), tool.torque.to_array(), plain(&tool.tool), plain(&tool.device))
-    });
+    let tool = report
+        .tool
+        .as_ref()
+        .map(|tool| (tool.force.to_array(), tool.torque.to_array(), plain(&tool.tool), plain(&tool.device)));
     let work = &report.work;
     (
         report.step,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-PAGES = ["crates/python/README.md", "docs/how-to/python.md"]
+PAGES = ["README.md", "crates/python/README.md", "docs/how-to/python.md"]
 
 
 @pytest.mark.parametrize("page", PAGES)

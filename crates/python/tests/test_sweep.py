@@ -29,7 +29,7 @@ SCENE = Scene(
     }
 )
 GRID: dict[str, list[Any]] = {
-    "body.material.young": [5e3 * 1.3**k for k in range(16)],
+    "body.material.young": [5e3 * 2.0**k for k in range(6)],
     "contact.friction": [0.0, 0.1, 0.3, 0.5],
 }
 
@@ -50,7 +50,7 @@ def alone() -> palpate.Sweep:
 
 
 def test_a_sweep_has_every_case_in_order(alone: palpate.Sweep) -> None:
-    assert len(alone) == 64 and not alone.failed
+    assert len(alone) == 24 and not alone.failed
     assert [row["contact.friction"] for row in alone.rows[:4]] == [0.0, 0.1, 0.3, 0.5]
     forces = [row["peak_force"] for row in alone.rows[::4]]
     assert forces == sorted(forces) and forces[-1] > 3 * forces[0] > 0
@@ -70,7 +70,7 @@ def test_a_cluster_gives_the_same_and_loses_nothing_when_a_worker_dies(
     assert (tmp_path / "killed").exists()
     assert together.rows == alone.rows
     table = together.table()
-    assert table.num_rows == 64 and table.column("peak_force").to_pylist() == [r["peak_force"] for r in alone.rows]
+    assert table.num_rows == 24 and table.column("peak_force").to_pylist() == [r["peak_force"] for r in alone.rows]
     together.save(tmp_path / "sweep.parquet")
     assert (tmp_path / "sweep.parquet").read_bytes().startswith(b"PAR1")
 

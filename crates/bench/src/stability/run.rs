@@ -150,13 +150,14 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
             break;
         }
     }
-    let promise = Promise { peak: tight_peak(case, settings)?, ..promise(case, decay, &samples) };
+    let promise = Promise { peak: tight_peak(case, settings, &samples)?, ..promise(case, decay, &samples) };
     Ok(judged(case, &samples, &promise, begun))
 }
 
-/// Greatest contact force on the tool, N, in a case with a preset, whose solver is loose, if the solver were tight; NaN
-/// if even then it does not converge in some step, so that there is nothing to compare with. `None`: there is no preset.
-fn tight_peak(case: &Case, settings: &Settings) -> Result<Option<f64>> {
+/// Greatest contact force on the tool, N, in a case with a preset, whose solver is loose, if the solver were tight. Where
+/// even then a step does not converge, only the steps before it count; NaN if the peak of `samples`, those of the loose
+/// solver, is not among these steps, so that there is nothing to compare with. `None`: there is no preset.
+fn tight_peak(case: &Case, settings: &Settings, samples: &[Sample]) -> Result<Option<f64>> {
     if case.setup.preset.is_none() {
         return Ok(None);
     }
@@ -164,11 +165,13 @@ fn tight_peak(case: &Case, settings: &Settings) -> Result<Option<f64>> {
     (scene.solver.tolerance, scene.solver.max_iterations) = (Some(invariants::TIGHT), TIGHT_ITERATIONS);
     let mut simulation = Simulation::open(&scene, &options(settings))?;
     begin(&mut simulation, case)?;
+    let peak =
+        samples.iter().enumerate().max_by(|(_, a), (_, b)| a.force.total_cmp(&b.force)).map_or(0, |(step, _)| step);
     let mut most = 0.0f64;
-    for _ in 0..case.steps {
+    for step in 1..=case.steps {
         let report = simulation.step()?;
         if report.flags.contains(Flags::NOT_CONVERGED) {
-            return Ok(Some(f64::NAN));
+            return Ok(Some(if step > peak { most } else { f64::NAN }));
         }
         most = most.max(report.tool.map_or(0.0, |tool| tool.force.length()));
     }

@@ -44,6 +44,8 @@ class Fit(NamedTuple):
     narrow. ``no value fits``: no value gives such a curve. ``not converged``: the search ended too early."""
     force: Floats
     """Force of the fitted scene at each measured point, N, shape (N,)."""
+    extrapolated: int
+    """Number of points that lie deeper than the fitted scene presses; its curve is extended there, by a twentieth at most."""
     simulations: int
     """Number of simulations."""
     flags: Flags
@@ -92,9 +94,17 @@ def fit(
     found = native.fit(
         str(file), tables, time is not None, x, y, list(keys.items()), None if device is None else str(device)
     )
-    estimates, correlation, scatter, verdict, forces, simulations, flags = found
+    estimates, correlation, scatter, verdict, forces, extrapolated, simulations, flags = found
     made = [Estimate(key, begun, best, error, (low, high)) for key, begun, best, error, (low, high) in estimates]
     values = {estimate.key: estimate.value for estimate in made}
     return Fit(
-        made, np.array(correlation), scatter, verdict, forces, simulations, Flags(flags), scene.with_values(values)
+        estimates=made,
+        correlation=np.array(correlation),
+        scatter=scatter,
+        verdict=verdict,
+        force=forces,
+        extrapolated=extrapolated,
+        simulations=simulations,
+        flags=Flags(flags),
+        scene=scene.with_values(values),
     )

@@ -28,6 +28,7 @@ def fit(
     Floats,
     int,
     int,
+    int,
 ]: ...
 def flags() -> list[tuple[int, str]]: ...
 
