@@ -110,8 +110,6 @@ fn check(name: &str, simulation: &Simulation) -> Explanation {
 #[ignore = "long: 12 s"]
 fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
     let joined = format!("{BAR}[[body.joint]]\ncores = [\"left\", \"right\"]\npoint = [0.3, 0.01, 0.01]\n");
-    // Patches do without the assembled operator, which takes more memory than they do.
-    let matrix_free = |keys: &str| block("[solver]\noperator = \"matrix-free\"", "", keys, TOOL);
     let probe = "[[probe]]\nname = \"top\"\nbody = \"block\"\nnearest = [0.0, 0.03, 0.0]\n";
     let bound = "[[body]]\nname = \"block\"\nlayer = { box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]], cells = [8, 8, 8] }\n\
                  material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\

@@ -10,7 +10,7 @@ use std::process::Command;
 
 use palpate::{Options, Scene, Simulation};
 
-use ffi_help::{compiled, library, root};
+use ffi_help::{compiled, root};
 
 /// Number of steps that are compared.
 const STEPS: usize = 40;

@@ -376,7 +376,11 @@ mod tests {
     }
 
     fn simulated(measured: &Measured, of: impl Fn(f64) -> f64) -> Simulated {
-        Simulated { forces: measured.points.iter().map(|(x, _)| of(*x)).collect(), extrapolated: 0, flags: Flags::default() }
+        Simulated {
+            forces: measured.points.iter().map(|(x, _)| of(*x)).collect(),
+            extrapolated: 0,
+            flags: Flags::default(),
+        }
     }
 
     #[test]

@@ -67,9 +67,12 @@ impl Context {
     }
 }
 
-/// The Vulkan devices: index, name, driver, Vulkan version, and why a device cannot be used (None: it can).
+/// A Vulkan device: index, name, driver, Vulkan version, and why it cannot be used (None: it can).
+type Device = (usize, String, String, String, Option<String>);
+
+/// The Vulkan devices of this machine.
 #[pyfunction]
-pub fn devices(py: Python<'_>) -> PyResult<Vec<(usize, String, String, String, Option<String>)>> {
+pub fn devices(py: Python<'_>) -> PyResult<Vec<Device>> {
     let list = py.detach(palpate::Context::list).map_err(raise)?;
     Ok(list.into_iter().map(|d| (d.index, d.name, d.driver, d.api_version, d.usable.err())).collect())
 }

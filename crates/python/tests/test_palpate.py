@@ -237,7 +237,7 @@ def test_pictures_show_the_body(pressed: Simulation, tmp_path: Path) -> None:
 
 def test_a_surface_is_prepared_and_filmed(tmp_path: Path) -> None:
     ball = Path(__file__).parents[3] / "docs/tutorials/ball.obj"
-    scene = palpate.prepare(ball, tmp_path / "ball", cell=0.01)
+    scene = palpate.prepare(ball, tmp_path / "ball", cells=8)
     assert scene.has_tool and len(scene.bodies) == 1
     palpate.film(tmp_path / "ball/scene.toml", tmp_path / "film.png", size=(64, 48), fps=10, seconds=0.1)
     assert (tmp_path / "film.png").read_bytes().startswith(b"\x89PNG")

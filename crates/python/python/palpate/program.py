@@ -13,7 +13,7 @@ def prepare(
     out: str | os.PathLike[str],
     *,
     scale: float = 1.0,
-    cell: float | None = None,
+    cells: int = 40,
 ) -> Scene:
     """Make a soft body from a closed surface: repair it, fill it with tetrahedra, and write a scene that presses a sphere
     into it.
@@ -22,13 +22,13 @@ def prepare(
         surface: An OBJ file.
         out: Folder that gets ``scene.toml``, the body's meshes, a report and a picture.
         scale: Metres per unit of the file: 0.001 for millimetres.
-        cell: Size of the tetrahedra, m; ``None``: chosen from the body's size.
+        cells: Number of lattice cells, which are filled with tetrahedra, along the body's largest extent.
 
     Returns:
         The scene that was written.
     """
-    words = ["prepare", os.fspath(surface), "--out", os.fspath(out), "--scale", repr(scale)]
-    native.command(words + ([] if cell is None else ["--cell", repr(cell)]))
+    words = ["prepare", os.fspath(surface), "--out", os.fspath(out), "--scale", repr(scale), "--cells", str(cells)]
+    native.command(words)
     return Scene.load(Path(out) / "scene.toml")
 
 
