@@ -82,6 +82,7 @@ mod tests {
         "scene/body.rs",
         "scene/build.rs",
         "scene/check.rs",
+        "scene/dotted.rs",
         "scene/trajectory.rs",
         "scene/hand.rs",
         "scene/haptics.rs",
