@@ -75,6 +75,17 @@ def test_a_cluster_gives_the_same_and_loses_nothing_when_a_worker_dies(
     assert (tmp_path / "sweep.parquet").read_bytes().startswith(b"PAR1")
 
 
+def test_processes_of_this_machine_lose_nothing_either(
+    alone: palpate.Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PALPATE_TEST_MARK", str(tmp_path / "killed"))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    part = {"body.material.young": GRID["body.material.young"]}
+    found = palpate.sweep(SCENE, part, measure=killed_once, workers=2)
+    assert (tmp_path / "killed").exists() and not found.failed
+    assert [row["peak_force"] for row in found.rows] == [row["peak_force"] for row in alone.rows[::4]]
+
+
 def test_a_sweep_takes_up_where_it_ended(alone: palpate.Sweep, tmp_path: Path) -> None:
     part = {**GRID, "contact.friction": [0.0]}
     first = palpate.sweep(SCENE, part, workers=2, out=tmp_path)

@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -25,6 +25,8 @@ Values: TypeAlias = dict[str, Any]
 """Values by dotted key, as :meth:`Scene.with_values` takes them."""
 Row: TypeAlias = dict[str, Any]
 """Values of a case by key, results by name, and ``error``: why the case failed, or ``None``."""
+ATTEMPTS = 3
+"""How often a case is tried whose worker dies."""
 Measure: TypeAlias = Callable[[Simulation, Trace], Mapping[str, Any]]
 
 
@@ -132,6 +134,10 @@ def sweep(
     known = {} if store is None else store.known(cases)
     missing = [index for index in range(len(cases)) if index not in known]
     for index, row in _run(scene, cases, missing, client, seconds, measure, workers):
+        # A case whose worker failed, and not its simulation, is tried again by the next sweep.
+        if isinstance(row, Exception):
+            known[index] = {**cases[index], "error": f"{type(row).__name__}: {row}"}
+            continue
         known[index] = row
         if store is not None:
             store.keep(cases[index], row)
@@ -150,27 +156,38 @@ def _run(
     seconds: float | None,
     measure: Measure,
     workers: int | None,
-) -> Iterator[tuple[int, Row]]:
-    """Index and row of each missing case, as they end."""
+) -> Iterator[tuple[int, Row | Exception]]:
+    """Index and row of each missing case, as they end, or why its worker failed."""
     count = workers if workers is not None else max((os.cpu_count() or 2) // 2, 1)
     if client is None and count <= 1:
         for index in missing:
             yield index, run_case(scene, cases[index], seconds, measure)
-    elif client is None:
-        # A forked process would share the state of a Vulkan driver.
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-            yield from _run(scene, cases, missing, pool, seconds, measure, workers)
     elif isinstance(client, Executor):
         futures = {client.submit(run_case, scene, cases[index], seconds, measure): index for index in missing}
         for future in as_completed(futures):
-            yield futures[future], _row(future, cases[futures[future]])
+            yield futures[future], _row(future)
+    elif client is None:
+        left, lost = list(missing), dict[int, Exception]()
+        for _ in range(ATTEMPTS):
+            lost = dict[int, Exception]()
+            # A forked process would share the state of a Vulkan driver.
+            with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+                for index, row in _run(scene, cases, left, pool, seconds, measure, workers):
+                    if isinstance(row, BrokenExecutor):
+                        lost[index] = row
+                    else:
+                        yield index, row
+            left = list(lost)
+            if not lost:
+                return
+        yield from lost.items()
     else:
         submitted = {
-            client.submit(run_case, scene, cases[index], seconds, measure, pure=False, retries=3): index
+            client.submit(run_case, scene, cases[index], seconds, measure, pure=False, retries=ATTEMPTS): index
             for index in missing
         }
         for future in import_module("distributed").as_completed(list(submitted)):
-            yield submitted[future], _row(future, cases[submitted[future]])
+            yield submitted[future], _row(future)
 
 
 def run_case(scene: Scene, values: Values, seconds: float | None, measure: Measure) -> Row:
@@ -190,11 +207,12 @@ def _device() -> Context:
     return Context(threads=0)
 
 
-def _row(future: "Future[Row] | Any", values: Values) -> Row:
+def _row(future: "Future[Row] | Any") -> Row | Exception:
+    """The row of a case that ended, or why its worker failed."""
     try:
         return cast(Row, future.result())
-    except Exception as error:  # noqa: BLE001  a worker that died is the case's failure
-        return {**values, "error": f"{type(error).__name__}: {error}"}
+    except Exception as error:  # noqa: BLE001  failures of the case itself are rows
+        return error
 
 
 class _Store:
