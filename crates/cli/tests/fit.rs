@@ -36,7 +36,7 @@ fn measure(folder: &Path) {
     let mut trace = csv::Reader::from_path(folder.join("truth/trace.csv")).unwrap();
     let heads = trace.headers().unwrap().clone();
     let column = |name: &str| heads.iter().position(|head| head == name).unwrap();
-    let columns = ["time", "force_x", "force_y", "force_z"].map(column);
+    let columns = ["time_s", "force_x", "force_y", "force_z"].map(column);
     let mut curve = String::from("time (s),force (N)\n");
     for row in trace.records().map(Result::unwrap) {
         let [time, x, y, z] = columns.map(|column| row[column].parse::<f64>().unwrap());

@@ -281,7 +281,11 @@ fn code_of_readme_and_book_is_sound() {
                 if let Err(error) = block.text.parse::<toml::Table>() {
                     wrong(format!("this block is not TOML: {error}\n{}", block.text));
                 }
-            } else if ["c", "cpp", "python"].iter().any(|kind| block.is(kind)) && block.file().is_none() {
+            } else if ["c", "cpp", "python"].iter().any(|kind| block.is(kind))
+                && block.file().is_none()
+                // The tests of the Python package run these.
+                && !(block.is("python") && block.text.contains("import palpate"))
+            {
                 wrong(format!("no command can use this block, since its first line names no file:\n{}", block.text));
             } else if !["sh", "text", "c", "cpp", "python", "rust", "csv", "json"].iter().any(|kind| block.is(kind)) {
                 wrong(format!("a block of the unknown kind \"{}\":\n{}", block.kind, block.text));
