@@ -48,6 +48,8 @@ fn main() {
 /// Compiles all shaders and writes the generated files; the message of an error names the file and line.
 fn build() -> Result<(), String> {
     println!("cargo:rerun-if-changed=shaders");
+    println!("cargo:rerun-if-env-changed=GLSLC");
+    println!("cargo:rerun-if-env-changed=VULKAN_SDK");
     println!("cargo:rerun-if-changed=src/gpu/spirv.rs");
     println!("cargo:rerun-if-changed=src/gpu/specialise.rs");
     let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").map_err(|e| e.to_string())?).join("shaders");

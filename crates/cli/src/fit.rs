@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::builder::NonEmptyStringValueParser;
-use palpate::{Error, Options, Result, Threads};
+use palpate::{Context, Error, Options, Result, Threads};
 use palpate_fit::{Abscissa, Fit, Free, Measured, Verdict, fit};
 use palpate_page::page;
 use palpate_page::plot::{Axis, Curve, Line, curve, lines};
@@ -75,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let measured = Measured::read(data)?;
     let output = arguments.out.as_deref().map(Output::create).transpose()?;
     let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
-    let found = fit(scene.clone(), &tables, &measured, &arguments.free, &options)?;
+    let found = fit(scene.clone(), &tables, &measured, &arguments.free, &Context::open(&options)?)?;
     let words = words(&found, &measured);
     if let Some(mut output) = output {
         let results = Results {
@@ -94,7 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     }
     print(&words)?;
     match found.verdict {
-        Verdict::Fits | Verdict::OtherShape => Ok(()),
+        Verdict::Fits | Verdict::OtherShape | Verdict::FewPoints | Verdict::AtBound => Ok(()),
         Verdict::NoValueFits => Err(Error::Simulation(
             "no value of these keys gives the measured curve; check scene, units and the beginning of the curve".into(),
         )),
@@ -134,6 +134,8 @@ fn words(fit: &Fit, measured: &Measured) -> String {
              too narrow."
         }
         Verdict::NoValueFits => "No value fits: the scene's curve has another shape than the measured one.",
+        Verdict::FewPoints => "There are too few points to tell whether what is left is noise.",
+        Verdict::AtBound => "A value ended at one of its bounds; its interval is cut off there.",
         Verdict::NotConverged => "The fit did not converge.",
     };
     text += &format!(

@@ -4,11 +4,12 @@
 
 use std::cell::RefCell;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use palpate::scene::dotted;
-use palpate::{Context, Error, Flags, Options, Result, SceneBuilder};
+use palpate::{Context, Error, Flags, Result, SceneBuilder};
 use serde::Serialize;
 
 use crate::measured::Measured;
@@ -23,6 +24,13 @@ const STEP_TOLERANCE: f64 = 1e-3;
 const SQUARES_TOLERANCE: f64 = 1e-5;
 /// Most simulations of a fit of one value, and what each further value adds.
 const MOST_SIMULATIONS: u32 = 15;
+/// Ratio of the least to the greatest singular value of the scaled Jacobian below which the force does not tell values
+/// apart.
+const INDEPENDENT: f64 = 1e-3;
+/// Fewest points whose residuals can be said to have a pattern, or none.
+const FEW: usize = 12;
+/// Distance from a bound, as a share of the range between the bounds, below which a value counts as at the bound.
+const AT_BOUND: f64 = 0.01;
 /// Autocorrelation of successive residuals, in its standard errors, above which they have a pattern: random residuals
 /// have such a one in one of a thousand fits.
 const PATTERN: f64 = 3.3;
@@ -66,6 +74,10 @@ pub enum Verdict {
     OtherShape,
     /// No value gives a curve like the measured one.
     NoValueFits,
+    /// There are too few points to tell whether what is left has a pattern.
+    FewPoints,
+    /// A value ended at one of its bounds; its interval is cut off there.
+    AtBound,
     /// The fit did not converge within its simulations.
     NotConverged,
 }
@@ -99,7 +111,13 @@ pub struct Fit {
 /// # Errors
 /// A key to fit has no number, its value is not between its bounds or is zero; the scene touches nothing or does not
 /// press as deep as was measured; or a simulation failed.
-pub fn fit(file: PathBuf, tables: &toml::Table, measured: &Measured, free: &[Free], options: &Options) -> Result<Fit> {
+pub fn fit(
+    file: PathBuf,
+    tables: &toml::Table,
+    measured: &Measured,
+    free: &[Free],
+    context: &Arc<Context>,
+) -> Result<Fit> {
     let mut initial = Vec::new();
     for Free { key, .. } in free {
         let value = dotted::get(tables, key)?;
@@ -109,7 +127,6 @@ pub fn fit(file: PathBuf, tables: &toml::Table, measured: &Measured, free: &[Fre
             Error::key(&file, key, problem, "give the key a likely value")
         })?);
     }
-    let context = Context::open(options)?;
     fit_model(measured, free, &initial, |values| {
         let mut tables = tables.clone();
         for (Free { key, .. }, value) in free.iter().zip(values) {
@@ -117,7 +134,7 @@ pub fn fit(file: PathBuf, tables: &toml::Table, measured: &Measured, free: &[Fre
         }
         let mut builder = SceneBuilder::new(file.clone());
         builder.tables(&tables)?;
-        simulate(&context, &builder.build()?, measured)
+        simulate(context, &builder.build()?, measured)
     })
 }
 
@@ -209,6 +226,31 @@ impl Scale {
     }
 }
 
+/// The inverse of J^T J; `None` where a column of J is zero, or the columns are so nearly dependent that differences of
+/// simulations cannot tell them apart.
+fn inverse_of_normal(j: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let norms: Vec<f64> = j.column_iter().map(|column| column.norm()).collect();
+    let mut scaled = j.clone();
+    for (mut column, norm) in scaled.column_iter_mut().zip(&norms) {
+        column /= *norm;
+    }
+    let svd = scaled.svd(false, true);
+    let (least, most) = (svd.singular_values.min(), svd.singular_values.max());
+    // A column that is zero has become NaN.
+    if least.is_nan() || least <= INDEPENDENT * most {
+        return None;
+    }
+    let v = svd.v_t?.transpose();
+    let weights = DMatrix::from_diagonal(&svd.singular_values.map(|s| s.powi(-2)));
+    let mut inverse = &v * weights * v.transpose();
+    for (i, a) in norms.iter().enumerate() {
+        for (k, b) in norms.iter().enumerate() {
+            inverse[(i, k)] /= a * b;
+        }
+    }
+    Some(inverse)
+}
+
 /// A simulation that was made: its values, and its forces; `None` where it failed.
 type Trial = (Vec<f64>, Option<Simulated>);
 
@@ -252,30 +294,53 @@ impl<M: Fn(&[f64]) -> Result<Simulated>> Problem<'_, M> {
         Some(DVector::from_vec(all))
     }
 
-    /// Derivatives of the forces by the values, by forward differences.
+    /// Whether the simulation with these values was made, and failed.
+    fn has_failed(&self, values: &[f64]) -> bool {
+        self.trials.borrow().iter().any(|(of, known)| of == values && known.is_none())
+    }
+
+    /// Derivatives of the forces by the values, by forward differences, or backward ones where the simulation ahead
+    /// fails; `None` where both fail, or no more simulations are allowed.
     fn derivatives(&self, values: &[f64]) -> Option<DMatrix<f64>> {
         let here = self.residuals_at(values)?;
         let mut columns = Vec::new();
         for (k, scale) in self.scales.iter().enumerate() {
-            let mut other = values.to_vec();
-            other[k] = scale.next(values[k]);
-            columns.push((self.residuals_at(&other)? - &here) / (other[k] - values[k]));
+            let ahead = scale.next(values[k]) - values[k];
+            let column = [ahead, -ahead].into_iter().find_map(|step| {
+                let mut other = values.to_vec();
+                other[k] += step;
+                let there = self.residuals_at(&other)?;
+                (!self.has_failed(&other)).then(|| (there - &here) / step)
+            });
+            columns.push(column?);
         }
         Some(DMatrix::from_columns(&columns))
     }
 
+    /// The trial with the least sum of squares: its values and its forces.
+    fn best(&self) -> Result<(Vec<f64>, Simulated)> {
+        let squares = |simulated: &Simulated| -> f64 {
+            simulated.forces.iter().zip(&self.measured.points).map(|(force, (_, known))| (force - known).powi(2)).sum()
+        };
+        let trials = self.trials.borrow();
+        let done = trials.iter().filter_map(|(values, known)| Some((values, known.as_ref()?)));
+        let best = done.min_by(|(_, a), (_, b)| squares(a).total_cmp(&squares(b)));
+        let (values, simulated) = best.ok_or_else(|| Error::Simulation("no simulation of the fit succeeded".into()))?;
+        Ok((values.clone(), simulated.clone()))
+    }
+
     fn finish(&self, free: &[Free], initial: &[f64], is_converged: bool) -> Result<Fit> {
-        let values = self.values(&self.parameters);
-        let simulated = self.model_at(&values)?;
+        let (values, simulated) = self.best()?;
         let residuals: Vec<f64> =
             simulated.forces.iter().zip(&self.measured.points).map(|(force, (_, known))| force - known).collect();
         let (points, count) = (residuals.len(), values.len());
         let variance = residuals.iter().map(|r| r * r).sum::<f64>() / (points - count) as f64;
         // Where no further simulation is allowed, the derivatives of an earlier step stand in for those here.
         let trials = self.trials.borrow().clone();
-        let earlier = || trials.iter().rev().find_map(|(of, _)| self.derivatives(of));
+        let earlier =
+            || trials.iter().rev().filter(|(_, known)| known.is_some()).find_map(|(of, _)| self.derivatives(of));
         let derivatives = self.derivatives(&values).or_else(earlier);
-        let covariance = derivatives.and_then(|j| (j.transpose() * j).try_inverse()).map(|inverse| variance * inverse);
+        let covariance = derivatives.and_then(|j| inverse_of_normal(&j)).map(|inverse| variance * inverse);
         let Some(covariance) = covariance else {
             let keys = free.iter().map(|free| free.key.as_str()).collect::<Vec<_>>().join(", ");
             return Err(Error::Simulation(format!(
@@ -285,12 +350,20 @@ impl<M: Fn(&[f64]) -> Result<Simulated>> Problem<'_, M> {
         let t = students_t::two_sided_95(points - count);
         let estimate = |k: usize| {
             let (value, standard_error) = (values[k], covariance[(k, k)].max(0.0).sqrt());
-            let interval = [value - t * standard_error, value + t * standard_error];
+            let (low, high) = self.scales[k].bounds.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            let interval = [value - t * standard_error, value + t * standard_error].map(|end| end.clamp(low, high));
             Estimate { key: free[k].key.clone(), initial: initial[k], value, standard_error, interval }
         };
         let correlation = |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
         let scatter = (residuals.iter().map(|r| r * r).sum::<f64>() / points as f64).sqrt();
-        let verdict = if is_converged { self.verdict(&residuals, scatter) } else { Verdict::NotConverged };
+        let is_at_bound = |(scale, value): (&Scale, &f64)| {
+            scale.bounds.is_some_and(|(low, high)| (value - low).min(high - value) < AT_BOUND * (high - low))
+        };
+        let verdict = match () {
+            () if !is_converged => Verdict::NotConverged,
+            () if self.scales.iter().zip(&values).any(is_at_bound) => Verdict::AtBound,
+            () => self.verdict(&residuals, scatter),
+        };
         Ok(Fit {
             estimates: (0..count).map(estimate).collect(),
             correlation: (0..count).map(|i| (0..count).map(|j| correlation(i, j)).collect()).collect(),
@@ -314,6 +387,7 @@ impl<M: Fn(&[f64]) -> Result<Simulated>> Problem<'_, M> {
         match () {
             () if share > COARSEST_SCATTER || (has_pattern && share > COARSE_SCATTER) => Verdict::NoValueFits,
             () if has_pattern && share > FINE_SCATTER => Verdict::OtherShape,
+            () if sorted.len() < FEW && share > FINE_SCATTER => Verdict::FewPoints,
             () => Verdict::Fits,
         }
     }
@@ -437,7 +511,8 @@ mod tests {
         };
         assert!((within(1.0, 200.0).unwrap().estimates[0].value - 30.0).abs() < 0.05);
         let cut = within(10.0, 25.0).unwrap();
-        assert!(cut.estimates[0].value > 24.5 && cut.verdict != Verdict::Fits, "{cut:?}");
+        assert!(cut.estimates[0].value > 24.5 && cut.verdict == Verdict::AtBound, "{cut:?}");
+        assert!(cut.estimates[0].interval[1] <= 25.0);
         assert!(within(21.0, 25.0).unwrap_err().to_string().contains("not between its bounds"));
     }
 
@@ -459,6 +534,10 @@ mod tests {
         let measured = curve(|x| press(30.0, 0.0, x));
         let idle = fit_model(&measured, &free(&["name"]), &[1.0], |_| Ok(simulated(&measured, |x| x)));
         assert!(idle.unwrap_err().to_string().contains("does not tell name"));
+        let product = fit_model(&measured, &free(&["a", "b"]), &[4.0, 5.0], |values| {
+            Ok(simulated(&measured, |x| press(values[0] * values[1], 0.0, x)))
+        });
+        assert!(product.unwrap_err().to_string().contains("does not tell a, b"));
         let failing = fit_model(&measured, &free(&["name"]), &[1.0], |_| Err(Error::Usage("broken".into())));
         assert_eq!(failing.unwrap_err().to_string(), "broken");
         assert!(fit_model(&measured, &free(&["name"]), &[0.0], |_| unreachable!()).is_err());
@@ -469,5 +548,16 @@ mod tests {
             false => Err(Error::Usage("too stiff".into())),
         });
         assert!((partly.unwrap().estimates[0].value - 30.0).abs() < 0.1);
+        // The simulation ahead of the best value fails: the difference is taken backwards.
+        let edge = fit_model(&measured, &free(&["young"]), &[20.0], |values| match values[0] < 30.2 {
+            true => Ok(simulated(&measured, |x| press(values[0], 0.0, x))),
+            false => Err(Error::Usage("too stiff".into())),
+        });
+        let edge = edge.unwrap();
+        assert!((edge.estimates[0].value - 30.0).abs() < 0.1, "{edge:?}");
+        let few = Measured::of(Abscissa::Indentation, curve(|x| press(30.0, 0.1, x)).points[..8].to_vec()).unwrap();
+        let fit =
+            fit_model(&few, &free(&["young"]), &[20.0], |values| Ok(simulated(&few, |x| press(values[0], 0.0, x))));
+        assert!(matches!(fit.unwrap().verdict, Verdict::FewPoints | Verdict::OtherShape | Verdict::NoValueFits));
     }
 }

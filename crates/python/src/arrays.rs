@@ -13,7 +13,7 @@ pub type Points<'py> = Bound<'py, PyArray2<f64>>;
 /// A position and an orientation (x y z w), as Python has them.
 pub type PlainPose = ([f64; 3], [f64; 4]);
 
-/// An array of N rows of three, without a copy of the vector's contents.
+/// An array of N rows of three.
 pub fn points<'py>(py: Python<'py>, vectors: Vec<DVec3>) -> PyResult<Points<'py>> {
     let rows = vectors.len();
     let numbers: Vec<f64> = vectors.into_iter().flat_map(|v| v.to_array()).collect();

@@ -1,12 +1,13 @@
 //! Fits of scenes to measured curves.
 
 use std::path::PathBuf;
+use std::sync::PoisonError;
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use palpate_fit::{Abscissa, Free, Measured, Verdict};
 use pyo3::prelude::*;
 
-use crate::context::options;
+use crate::context::{OPENING, options};
 use crate::failure::raise;
 use crate::scene::plain;
 
@@ -34,13 +35,22 @@ pub fn fit<'py>(
     let over = if is_over_time { Abscissa::Time } else { Abscissa::Indentation };
     let points = x.as_array().iter().copied().zip(force.as_array().iter().copied()).collect();
     let free: Vec<Free> = free.into_iter().map(|(key, bounds)| Free { key, bounds }).collect();
-    let options = options(device, None, true, None)?;
-    let found = py.detach(|| palpate_fit::fit(file, &tables, &Measured::of(over, points)?, &free, &options));
+    let options = options(device, Some("auto"), true, None)?;
+    let found = py.detach(|| {
+        let measured = Measured::of(over, points)?;
+        let context = {
+            let _guard = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
+            palpate::Context::open(&options)?
+        };
+        palpate_fit::fit(file, &tables, &measured, &free, &context)
+    });
     let found = found.map_err(raise)?;
     let verdict = match found.verdict {
         Verdict::Fits => "fits",
         Verdict::OtherShape => "other shape",
         Verdict::NoValueFits => "no value fits",
+        Verdict::FewPoints => "few points",
+        Verdict::AtBound => "at bound",
         Verdict::NotConverged => "not converged",
     };
     let estimates = found.estimates.into_iter().map(|e| (e.key, e.initial, e.value, e.standard_error, e.interval));

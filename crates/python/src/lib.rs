@@ -42,10 +42,14 @@ mod native {
     #[pyfunction]
     fn command(py: Python<'_>, arguments: Vec<String>) -> PyResult<()> {
         let name = std::iter::once("palpate".to_string());
-        py.detach(|| palpate_cli::command(name.chain(arguments))).map_err(super::failure::raise)
+        let run = || {
+            let _guard = super::context::OPENING.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            palpate_cli::command(name.chain(arguments))
+        };
+        py.detach(run).map_err(super::failure::raise)
     }
 
-    /// Every flag of a step: its bit, its name and its meaning.
+    /// Every flag of a step: its bit and its name.
     #[pyfunction]
     fn flags() -> Vec<(u32, &'static str)> {
         palpate::Flags::ALL.iter().map(|(flag, name)| (flag.0, *name)).collect()

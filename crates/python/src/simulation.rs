@@ -17,7 +17,7 @@ use crate::arrays::{PlainPose, Points, numbers, plain, points, pose, rows};
 use crate::context::{Context, OPENING, options};
 use crate::failure::{raise, wrong};
 use crate::scene::Scene;
-use crate::skins::SkinCopies;
+use crate::skins::{SkinCopies, view};
 
 /// A step's report as Python unpacks it: step, time, the tool (force, torque, its pose, the device's pose), contacts,
 /// greatest depth, iterations, residual, flags, step_us, probes, and the work (solves, submits, planned iterations,
@@ -163,13 +163,12 @@ impl Simulation {
     /// Views of the world positions and the normals of a skin's vertices, four float32 a vertex; the next call changes
     /// what earlier views show.
     fn skin<'py>(&self, py: Python<'py>, body: usize) -> PyResult<[Bound<'py, PyArray2<f32>>; 2]> {
-        let range = self.with(py, |State { simulation, skins, .. }| {
-            SkinCopies::refresh(skins, simulation)?;
-            Ok(simulation.skin_ranges().get(body).cloned().unwrap_or(0..0))
+        let (arrays, range) = self.with(py, |State { simulation, skins, .. }| {
+            let arrays = SkinCopies::refresh(skins, simulation)?;
+            Ok((arrays, simulation.skin_ranges().get(body).cloned().unwrap_or(0..0)))
         })?;
-        let state = self.lock();
-        let skins = state.skins.as_ref().ok_or_else(|| wrong("internal error: the skins were not copied"))?;
-        skins.views(py, range)
+        let [positions, normals] = &arrays;
+        Ok([view(py, positions, range.clone())?, view(py, normals, range)?])
     }
 
     fn triangles<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Bound<'py, PyArray2<u32>>> {

@@ -11,7 +11,7 @@ use palpate::internal::gpu::{Buffer, Memory, Recorder, Recording};
 use pyo3::prelude::*;
 
 /// A view of positions or normals: rows of four float32.
-type View<'py> = Bound<'py, PyArray2<f32>>;
+pub type View<'py> = Bound<'py, PyArray2<f32>>;
 
 /// Memory of all skins' positions and normals, four floats a vertex each, and the recording that fills it.
 pub struct SkinCopies {
@@ -40,8 +40,9 @@ impl SkinCopies {
         Ok(SkinCopies { fetch: recorder.finish()?, sources: sources.map(Buffer::raw), arrays })
     }
 
-    /// Copies the skins as they are now into `copies`, which is made anew where the simulation has other arrays.
-    pub fn refresh(copies: &mut Option<SkinCopies>, simulation: &mut Simulation) -> palpate::Result<()> {
+    /// Copies the skins as they are now into `copies`, which is made anew where the simulation has other arrays; returns
+    /// handles of the positions and normals.
+    pub fn refresh(copies: &mut Option<SkinCopies>, simulation: &mut Simulation) -> palpate::Result<[Buffer; 2]> {
         simulation.skins(DVec3::ZERO)?;
         let skins = simulation.skin_arrays()?;
         let sources = [skins.positions.raw(), skins.normals.raw()];
@@ -49,17 +50,14 @@ impl SkinCopies {
             Some(copies) if copies.sources == sources => copies,
             _ => SkinCopies::new(simulation)?,
         };
-        copies.insert(current).fetch.submit_and_wait()
-    }
-
-    /// Views of the positions and normals of the vertices in this range.
-    pub fn views<'py>(&self, py: Python<'py>, range: Range<usize>) -> PyResult<[View<'py>; 2]> {
-        let [positions, normals] = &self.arrays;
-        Ok([view(py, positions, range.clone())?, view(py, normals, range)?])
+        let copies = copies.insert(current);
+        copies.fetch.submit_and_wait()?;
+        Ok(copies.arrays.each_ref().map(|array| array.known_as(&[])))
     }
 }
 
-fn view<'py>(py: Python<'py>, buffer: &Buffer, range: Range<usize>) -> PyResult<View<'py>> {
+/// A view of the vertices in this range.
+pub fn view<'py>(py: Python<'py>, buffer: &Buffer, range: Range<usize>) -> PyResult<View<'py>> {
     let mapped = buffer.mapped::<[f32; 4]>().map_err(crate::failure::raise)?;
     let own = &mapped[range];
     // SAFETY: the memory stays mapped as long as its buffer lives, which the view's owner keeps alive. The GPU writes it

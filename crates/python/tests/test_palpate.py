@@ -1,10 +1,12 @@
 """Tests of the Python package, which run against an installed wheel."""
 
 import csv
+import gc
 import inspect
 import subprocess
 import sys
 import threading
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -86,9 +88,17 @@ def test_skins_are_views_that_the_next_call_changes(pressed: Simulation) -> None
     tool = pressed.skin("tool").positions
     radii = np.linalg.norm(tool - tool.mean(axis=0), axis=1)
     assert np.allclose(radii, 0.01, rtol=0.05)
-    # The memory outlives the simulation.
-    del pressed, skin, again
-    assert np.isfinite(kept).all()
+    assert pressed.skin(np.uint32(0)).positions.shape == kept.shape
+
+
+def test_the_memory_of_a_skin_outlives_its_simulation() -> None:
+    simulation = Simulation(Scene(BLOCK))
+    kept = simulation.skin("block").positions
+    before, gone = kept.copy(), weakref.ref(simulation)
+    del simulation
+    gc.collect()
+    assert gone() is None
+    np.testing.assert_array_equal(kept, before)
 
 
 def test_bodies_and_meshes(pressed: Simulation) -> None:
@@ -189,7 +199,7 @@ def test_poses_lead_the_tool() -> None:
     turned = Pose((0.0, 0.02, 0.0), (0.0, 2.0, 0.0, 0.0))
     device = simulation.step(turned).device
     assert device is not None and device.orientation == pytest.approx((0.0, 1.0, 0.0, 0.0))
-    for wrong in ((0.0, 1.0), (0.0, float("nan"), 0.0)):
+    for wrong in ((0.0, 1.0), (0.0, float("nan"), 0.0), Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))):  # type: ignore[arg-type]
         with pytest.raises(InputError):
             simulation.step(wrong)
 

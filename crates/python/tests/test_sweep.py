@@ -4,8 +4,9 @@ import json
 import os
 import signal
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import palpate
 import pytest
@@ -60,7 +61,7 @@ def test_a_sweep_has_every_case_in_order(alone: palpate.Sweep) -> None:
 def test_a_cluster_gives_the_same_and_loses_nothing_when_a_worker_dies(
     alone: palpate.Sweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    distributed: Any = pytest.importorskip("distributed")
+    distributed = cast(Any, import_module("distributed"))
     monkeypatch.setenv("PALPATE_TEST_MARK", str(tmp_path / "killed"))
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -100,9 +101,12 @@ def test_a_sweep_takes_up_where_it_ended(alone: palpate.Sweep, tmp_path: Path) -
 
 
 def test_failures_are_kept_with_their_reason() -> None:
-    found = palpate.sweep(SCENE, [{"body.material.young": 1e4}, {"body.material.young": -1.0}], workers=1)
-    assert found.rows[0]["error"] is None and found.failed == [found.rows[1]]
+    found = palpate.sweep(SCENE, [{"body.material.young": -1.0}, {"body.material.young": 1e4}], workers=1)
+    assert found.rows[1]["error"] is None and found.failed == [found.rows[0]]
     assert "young" in found.failed[0]["error"] and found.table().num_rows == 2
+    with pytest.raises(InputError, match="list of values"):
+        grid: Any = {"contact.friction": 0.3}
+        palpate.sweep(SCENE, grid, workers=1)
     with pytest.raises(InputError, match="no table"):
         palpate.sweep(SCENE, {"step.dt.more": [1.0]}, workers=1)
 

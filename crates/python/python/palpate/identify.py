@@ -12,7 +12,7 @@ from .flags import Flags
 from .plain import Floats
 from .scene import Scene
 
-Verdict: TypeAlias = Literal["fits", "other shape", "no value fits", "not converged"]
+Verdict: TypeAlias = Literal["fits", "other shape", "no value fits", "few points", "at bound", "not converged"]
 
 
 class Estimate(NamedTuple):
@@ -41,7 +41,8 @@ class Fit(NamedTuple):
     """Root of the mean square of the residuals, N."""
     verdict: Verdict
     """``fits``: what is left looks like noise. ``other shape``: what is left has a pattern, and the intervals are too
-    narrow. ``no value fits``: no value gives such a curve. ``not converged``: the search ended too early."""
+    narrow. ``no value fits``: no value gives such a curve. ``few points``: too few to tell.
+    ``at bound``: a value ended at a bound, where its interval is cut off. ``not converged``: the search ended too early."""
     force: Floats
     """Force of the fitted scene at each measured point, N, shape (N,)."""
     extrapolated: int

@@ -24,7 +24,7 @@ def fit(
     list[tuple[str, float, float, float, list[float]]],
     list[list[float]],
     float,
-    Literal["fits", "other shape", "no value fits", "not converged"],
+    Literal["fits", "other shape", "no value fits", "few points", "at bound", "not converged"],
     Floats,
     int,
     int,

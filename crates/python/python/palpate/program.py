@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from . import native
-from .scene import Scene
+from .scene import Scene, scene_file
 
 
 def prepare(
@@ -27,7 +27,7 @@ def prepare(
     Returns:
         The scene that was written.
     """
-    words = ["prepare", os.fspath(surface), "--out", os.fspath(out), "--scale", repr(scale), "--cells", str(cells)]
+    words = ["prepare", os.fspath(surface), "--out", os.fspath(out), "--scale", repr(float(scale)), "--cells", str(cells)]
     native.command(words)
     return Scene.load(Path(out) / "scene.toml")
 
@@ -46,7 +46,7 @@ def film(
     """Render a scene from the first step to the last as an animated PNG, or as images in a folder.
 
     Args:
-        scene: A scene file.
+        scene: A scene file, or the name of a scene inside the package.
         out: ``FILE.png`` for an animated PNG, which browsers show; any other name is a folder for one image a frame.
         size: Width and height, pixels.
         fps: Frames per second.
@@ -55,7 +55,7 @@ def film(
         show: As in :meth:`Simulation.picture`.
         camera: As in :meth:`Simulation.picture`.
     """
-    words = ["film", os.fspath(scene), "--out", os.fspath(out), "--fps", str(fps), "--speed", repr(float(speed))]
+    words = ["film", os.fspath(scene_file(scene)), "--out", os.fspath(out), "--fps", str(fps), "--speed", repr(float(speed))]
     words += ["--size", f"{size[0]}x{size[1]}"]
     words += ["--seconds", repr(float(seconds))] if seconds is not None else []
     words += ["--show", ",".join(show)] if show else []

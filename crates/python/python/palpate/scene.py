@@ -34,6 +34,19 @@ def _shipped() -> Path:
     return Path(str(resources.files("palpate"))) / "assets"
 
 
+def scene_file(file: str | os.PathLike[str]) -> Path:
+    """The path of a scene file, which may be named as a scene inside the package."""
+    path = Path(file)
+    if path.suffix == "" and not path.exists():
+        found = sorted(_shipped().glob(f"*/{path.name}.toml"))
+        if path.parent != Path() or not found or path.name in _PARTS:
+            known = ", ".join(shipped_scenes())
+            raise InputError(f"{file}: is neither a file nor a scene inside the package; give one of {known}")
+        # Scenes of the paper come after those of the gallery and win where both have the same name.
+        path = found[-1]
+    return path
+
+
 class Scene:
     """Bodies, tool, contact and settings of a simulation, checked.
 
@@ -65,7 +78,7 @@ class Scene:
         self._tables: Tables = plain_value(dict(tables))
         self._surfaces = _meshes(surfaces)
         self._layers = _meshes(layers)
-        self._file = Path(folder) / f"{name}.toml"
+        self._file = Path(folder).absolute() / f"{name}.toml"
         self._native = native.Scene.build(str(self._file), self._tables, self._surfaces, self._layers)
 
     @classmethod
@@ -75,14 +88,7 @@ class Scene:
         Raises:
             InputError: The file cannot be read or has a mistake; the message names line, key and remedy.
         """
-        path = Path(file)
-        if path.suffix == "" and not path.exists():
-            found = sorted(_shipped().glob(f"*/{path.name}.toml"))
-            if path.parent != Path() or not found or path.name in _PARTS:
-                known = ", ".join(shipped_scenes())
-                raise InputError(f"{file}: is neither a file nor a scene inside the package; give one of {known}")
-            # Scenes of the paper come after those of the gallery and win where both have the same name.
-            path = found[-1]
+        path = scene_file(file)
         try:
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
@@ -95,7 +101,7 @@ class Scene:
         scene = cls.__new__(cls)
         scene._native = native.Scene.parse(os.fspath(file), text)
         scene._tables = tomllib.loads(text)
-        scene._surfaces, scene._layers, scene._file = [], [], Path(file)
+        scene._surfaces, scene._layers, scene._file = [], [], Path(file).absolute()
         return scene
 
     def with_values(self, values: Mapping[str, Any]) -> "Scene":

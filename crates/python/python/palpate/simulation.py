@@ -1,10 +1,11 @@
 """Simulations of scenes, step by step."""
 
+import operator
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias, cast
+from typing import NamedTuple, SupportsIndex, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -226,6 +227,8 @@ class Simulation:
         threads: int | str | None = "auto",
         cache: bool = True,
     ) -> None:
+        if context is not None and device is not None:
+            raise InputError("both a context and a device are given; give one of them")
         self.scene = scene if isinstance(scene, Scene) else Scene.load(scene)
         self._native = native.Simulation(
             self.scene._native,  # pyright: ignore[reportPrivateUsage]
@@ -295,24 +298,24 @@ class Simulation:
         """The contacts of the last step, without those that would have pulled and were released."""
         return Contacts(*self._native.contacts())
 
-    def nodes(self, body: str | int = 0) -> Floats:
+    def nodes(self, body: str | SupportsIndex = 0) -> Floats:
         """World positions of the nodes of a soft body's tetrahedral mesh, m, shape (N, 3); empty for another body."""
         return self._native.nodes(self._body(body))[0]
 
-    def node_velocities(self, body: str | int = 0) -> Floats:
+    def node_velocities(self, body: str | SupportsIndex = 0) -> Floats:
         """Velocities of the nodes of a soft body, world axes, m/s, shape (N, 3); empty for another body."""
         return self._native.nodes(self._body(body))[1]
 
-    def tetrahedra(self, body: str | int = 0) -> Indices:
+    def tetrahedra(self, body: str | SupportsIndex = 0) -> Indices:
         """Nodes of each tetrahedron of a soft body, shape (M, 4); empty for another body."""
         return self._native.tetrahedra(self._body(body))
 
-    def skin(self, body: str | int = 0) -> Skin:
+    def skin(self, body: str | SupportsIndex = 0) -> Skin:
         """The skin of a body as it is now; ``"tool"`` is the tool's. See :class:`Skin` on how long it stays so."""
         positions, normals = self._native.skin(self._body(body))
         return Skin(positions[:, :3], normals[:, :3])
 
-    def triangles(self, body: str | int = 0) -> Indices:
+    def triangles(self, body: str | SupportsIndex = 0) -> Indices:
         """Vertices of each triangle of a body's skin, counter-clockwise seen from outside, shape (M, 3)."""
         return self._native.triangles(self._body(body))
 
@@ -328,11 +331,11 @@ class Simulation:
         """
         self._native.restore(state)
 
-    def materials(self, body: str | int = 0) -> list[Material]:
+    def materials(self, body: str | SupportsIndex = 0) -> list[Material]:
         """The materials of a body: its own, then those of its material regions; empty where it is not soft."""
         return [Material(*values) for values in self._native.materials(self._body(body))]
 
-    def set_material(self, material: Material, body: str | int = 0, index: int = 0) -> None:
+    def set_material(self, material: Material, body: str | SupportsIndex = 0, index: int = 0) -> None:
         """Give a soft body another material from the next step on.
 
         Args:
@@ -340,7 +343,9 @@ class Simulation:
             body: Name or index of the body.
             index: Which of :meth:`materials` it replaces.
         """
-        self._native.set_material(self._body(body), index, list(material))
+        if not 0 <= index < len(self.materials(body)):
+            raise InputError(f"the body has no material {index}; give an index below {len(self.materials(body))}")
+        self._native.set_material(self._body(body), index, [float(value) for value in material])
 
     def set_contact(
         self,
@@ -377,12 +382,12 @@ class Simulation:
         """
         self._native.set_coupling([stiffness, damping, angular_stiffness, angular_damping])
 
-    def core_pose(self, body: str | int, core: int = 0) -> Pose | None:
+    def core_pose(self, body: str | SupportsIndex, core: int = 0) -> Pose | None:
         """Pose of a body's rigid core; ``None`` if there is no such core."""
         pose = self._native.core_pose(self._body(body), core)
         return pose and _plain_pose(pose)
 
-    def move_core(self, pose: PoseLike, body: str | int = 0, core: int = 0, seconds: float = 0.0) -> None:
+    def move_core(self, pose: PoseLike, body: str | SupportsIndex = 0, core: int = 0, seconds: float = 0.0) -> None:
         """Move a driven core to a pose, uniformly within some seconds (a step at least), and leave it there."""
         self._native.move_core(self._body(body), core, _pose(pose), seconds)
 
@@ -412,12 +417,13 @@ class Simulation:
         words += [] if time else ["--no-time"]
         return self._native.picture(words)
 
-    def _body(self, body: str | int) -> int:
+    def _body(self, body: str | SupportsIndex) -> int:
         names = [*self.bodies, "tool"] if self.scene.has_tool else self.bodies
-        if body in names:
-            return names.index(str(body))
-        if isinstance(body, int) and 0 <= body < len(names):
-            return body
+        if isinstance(body, str):
+            if body in names:
+                return names.index(body)
+        elif 0 <= operator.index(body) < len(names):
+            return operator.index(body)
         raise InputError(f"there is no body {body!r}; give one of {', '.join(names)}, or an index below {len(names)}")
 
     def __repr__(self) -> str:
@@ -426,11 +432,12 @@ class Simulation:
 
 def _pose(pose: "PoseLike | ArrayLike") -> PlainPose:
     position, orientation = pose if isinstance(pose, Pose) else (pose, Pose((0.0, 0.0, 0.0)).orientation)
-    numbers = np.asarray(position, np.float64)
-    if numbers.shape != (3,):
-        raise InputError(f"a pose has the shape {numbers.shape}; give a Pose, or three numbers")
-    x, y, z = (float(number) for number in numbers)
-    return (x, y, z), orientation
+    try:
+        x, y, z = (float(number) for number in np.asarray(position, np.float64))
+        i, j, k, w = (float(number) for number in np.asarray(orientation, np.float64))
+    except (TypeError, ValueError):
+        raise InputError(f"{pose!r} is no pose; give three numbers, or a Pose of three and four numbers") from None
+    return (x, y, z), (i, j, k, w)
 
 
 def _plain_pose(pose: ReadPose) -> Pose:

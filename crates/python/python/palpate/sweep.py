@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, as_completed, wait
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -17,7 +17,8 @@ from typing import Any, Protocol, TypeAlias, cast
 import numpy as np
 
 from .context import Context
-from .errors import InputError
+from .errors import InputError, SimulationError
+from .native import __version__
 from .scene import Scene, plain_value
 from .simulation import Simulation, Trace
 
@@ -26,14 +27,15 @@ Values: TypeAlias = dict[str, Any]
 Row: TypeAlias = dict[str, Any]
 """Values of a case by key, results by name, and ``error``: why the case failed, or ``None``."""
 ATTEMPTS = 3
-"""How often a case is tried whose worker dies."""
+"""How often a case is tried alone whose worker died."""
 Measure: TypeAlias = Callable[[Simulation, Trace], Mapping[str, Any]]
+Job: TypeAlias = tuple[Scene, Values, float | None, Measure]
 
 
 class DaskClient(Protocol):
     """What a sweep needs of ``dask.distributed.Client``."""
 
-    def submit(self, func: Callable[..., Any], *args: Any, pure: bool, retries: int) -> Any:
+    def submit(self, func: Callable[..., Any], *args: Any, pure: bool) -> Any:
         """Run a function on a worker."""
         ...
 
@@ -89,6 +91,9 @@ def grid_cases(grid: Mapping[str, Iterable[Any]] | Iterable[Mapping[str, Any]]) 
     """The cases of a grid: every combination of the values of each key, the last key fastest; or the cases themselves."""
     if isinstance(grid, Mapping):
         keys = [str(key) for key in grid]
+        for key, values in cast(Mapping[str, Any], grid).items():
+            if isinstance(values, str) or not isinstance(values, Iterable):
+                raise InputError(f"{key}: the grid has {values!r}; give a list of values")
         combinations = itertools.product(*(list(values) for values in cast(Mapping[str, Iterable[Any]], grid).values()))
         cases: list[Values] = [dict(zip(keys, values, strict=True)) for values in combinations]
     else:
@@ -128,9 +133,9 @@ def sweep(
         InputError: A key of the grid leads nowhere, or ``out`` belongs to another sweep.
     """
     cases = grid_cases(grid)
-    for case in cases[:1]:
-        scene.with_values(case)
-    store = None if out is None else _Store(Path(out), scene, seconds)
+    for key in dict.fromkeys(key for case in cases for key in case):
+        scene.value(key)
+    store = None if out is None else _Store(Path(out), scene, seconds, measure)
     known = {} if store is None else store.known(cases)
     missing = [index for index in range(len(cases)) if index not in known]
     for index, row in _run(scene, cases, missing, client, seconds, measure, workers):
@@ -158,46 +163,69 @@ def _run(
     workers: int | None,
 ) -> Iterator[tuple[int, Row | Exception]]:
     """Index and row of each missing case, as they end, or why its worker failed."""
+    jobs = {index: (scene, cases[index], seconds, measure) for index in missing}
     count = workers if workers is not None else max((os.cpu_count() or 2) // 2, 1)
     if client is None and count <= 1:
-        for index in missing:
-            yield index, run_case(scene, cases[index], seconds, measure)
+        for index, job in jobs.items():
+            try:
+                yield index, run_case(*job)
+            except Exception as error:  # noqa: BLE001  the reason is kept
+                yield index, error
+    elif client is None:
+        yield from _in_processes(jobs, count)
     elif isinstance(client, Executor):
-        futures = {client.submit(run_case, scene, cases[index], seconds, measure): index for index in missing}
+        futures = {client.submit(run_case, *job): index for index, job in jobs.items()}
         for future in as_completed(futures):
             yield futures[future], _row(future)
-    elif client is None:
-        left, lost = list(missing), dict[int, Exception]()
-        for _ in range(ATTEMPTS):
-            lost = dict[int, Exception]()
-            # A forked process would share the state of a Vulkan driver.
-            with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-                for index, row in _run(scene, cases, left, pool, seconds, measure, workers):
-                    if isinstance(row, BrokenExecutor):
-                        lost[index] = row
-                    else:
-                        yield index, row
-            left = list(lost)
-            if not lost:
-                return
-        yield from lost.items()
     else:
-        submitted = {
-            client.submit(run_case, scene, cases[index], seconds, measure, pure=False, retries=ATTEMPTS): index
-            for index in missing
-        }
+        # Dask itself gives the case of a worker that died to another one, as often as its configuration says.
+        submitted = {client.submit(run_case, *job, pure=False): index for index, job in jobs.items()}
         for future in import_module("distributed").as_completed(list(submitted)):
             yield submitted[future], _row(future)
+
+
+def _in_processes(jobs: Mapping[int, Job], count: int) -> Iterator[tuple[int, Row | Exception]]:
+    """Run cases in processes of this machine. When one of them dies, the cases that were running are tried alone."""
+    waiting = list(jobs)
+    while waiting:
+        suspects: list[int] = []
+        with _pool(count) as pool:
+            running: dict[Future[Row], int] = {}
+            while (waiting or running) and not suspects:
+                while waiting and len(running) < count:
+                    index = waiting.pop(0)
+                    running[pool.submit(run_case, *jobs[index])] = index
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    index, row = running.pop(future), _row(future)
+                    if isinstance(row, BrokenExecutor):
+                        suspects = [index, *running.values()]
+                        break
+                    yield index, row
+        for index in suspects:
+            row: Row | Exception = RuntimeError("never run")
+            for _ in range(ATTEMPTS):
+                with _pool(1) as pool:
+                    row = _row(pool.submit(run_case, *jobs[index]))
+                if not isinstance(row, BrokenExecutor):
+                    break
+            yield index, row
+
+
+def _pool(count: int) -> ProcessPoolExecutor:
+    """Processes that start anew: forked ones would share the state of a Vulkan driver."""
+    return ProcessPoolExecutor(count, mp_context=get_context("spawn"))
 
 
 def run_case(scene: Scene, values: Values, seconds: float | None, measure: Measure) -> Row:
     """Simulate one case of a sweep; a failure of the engine is a row with its reason."""
     try:
         simulation = Simulation(scene.with_values(values), context=_device())
-        found = dict(measure(simulation, simulation.run(seconds)))
-    except Exception as error:  # noqa: BLE001  the reason is kept
+        trace = simulation.run(seconds)
+    except (InputError, SimulationError) as error:
         return {**values, "error": f"{type(error).__name__}: {error}"}
-    return cast(Row, plain_value({**values, **found, "error": None}))
+    row = cast(Row, plain_value({**values, **measure(simulation, trace), "error": None}))
+    json.dumps(row)  # what cannot be kept is an error here, and not when all is done
+    return row
 
 
 @cache
@@ -218,15 +246,18 @@ def _row(future: "Future[Row] | Any") -> Row | Exception:
 class _Store:
     """A folder with a file for each case."""
 
-    def __init__(self, folder: Path, scene: Scene, seconds: float | None) -> None:
+    def __init__(self, folder: Path, scene: Scene, seconds: float | None, measure: Measure) -> None:
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
-        mark = json.dumps({"scene": scene.fingerprint, "seconds": seconds}, sort_keys=True)
-        about = folder / "sweep.json"
-        if not about.exists():
-            _write(about, mark)
-        elif about.read_text(encoding="utf-8") != mark:
-            raise InputError(f"{folder}: holds the results of another scene or duration; give another folder")
+        name = f"{measure.__module__}.{measure.__qualname__}"
+        about = {"scene": scene.fingerprint, "seconds": seconds, "measure": name, "version": __version__}
+        mark = json.dumps(about, sort_keys=True)
+        file = folder / "sweep.json"
+        if not file.exists():
+            _write(file, mark)
+        elif file.read_text(encoding="utf-8") != mark:
+            problem = "holds the results of another scene, duration, measure or version"
+            raise InputError(f"{folder}: {problem}; give another folder")
 
     def known(self, cases: Sequence[Values]) -> dict[int, Row]:
         """The rows of the cases that are done."""
