@@ -1,4 +1,4 @@
-//! The same curve from a simulation.
+//! Simulates a press and reads its contact force where a curve was measured.
 
 use std::sync::Arc;
 

@@ -210,10 +210,11 @@ impl Scale {
     fn next(&self, value: f64) -> f64 {
         match self.bounds {
             None => value * (1.0 + DIFFERENCE),
-            Some((low, high)) if value > 0.5 * (low + high) => {
-                value - DIFFERENCE * (high - low).min(value.abs().max(0.05 * (high - low)))
+            Some((low, high)) => {
+                let range = high - low;
+                let step = DIFFERENCE * value.abs().clamp(0.05 * range, range);
+                if value > 0.5 * (low + high) { value - step } else { value + step }
             }
-            Some((low, high)) => value + DIFFERENCE * (high - low).min(value.abs().max(0.05 * (high - low))),
         }
     }
 
@@ -293,17 +294,20 @@ impl<M: Fn(&[f64]) -> Result<Simulated>> Problem<'_, M> {
         made
     }
 
-    /// The model's forces without those measured; `None` where no more simulations are allowed.
+    /// Simulated less measured force at each point.
+    fn residuals_of(&self, simulated: &Simulated) -> Vec<f64> {
+        simulated.forces.iter().zip(&self.measured.points).map(|(force, (_, known))| force - known).collect()
+    }
+
+    /// The residuals of the model at these values, which are very large where it fails; `None` where no more simulations are allowed.
     fn residuals_at(&self, values: &[f64]) -> Option<DVector<f64>> {
         let is_known = self.trials.borrow().iter().any(|(of, _)| of == values);
         if !is_known && self.trials.borrow().len() >= self.most as usize {
             return None;
         }
-        let points = &self.measured.points;
-        let residual = |forces: &[f64]| forces.iter().zip(points).map(|(force, (_, known))| force - known).collect();
-        let all: Vec<f64> = match self.model_at(values) {
-            Ok(simulated) => residual(&simulated.forces),
-            Err(_) => vec![1e3 * self.measured.peak().max(f64::MIN_POSITIVE); points.len()],
+        let all = match self.model_at(values) {
+            Ok(simulated) => self.residuals_of(&simulated),
+            Err(_) => vec![1e3 * self.measured.peak().max(f64::MIN_POSITIVE); self.measured.points.len()],
         };
         Some(DVector::from_vec(all))
     }
@@ -333,9 +337,7 @@ impl<M: Fn(&[f64]) -> Result<Simulated>> Problem<'_, M> {
 
     /// The trial with the least sum of squares: its values and its forces.
     fn best(&self) -> Result<(Vec<f64>, Simulated)> {
-        let squares = |simulated: &Simulated| -> f64 {
-            simulated.forces.iter().zip(&self.measured.points).map(|(force, (_, known))| (force - known).powi(2)).sum()
-        };
+        let squares = |simulated: &Simulated| self.residuals_of(simulated).iter().map(|r| r * r).sum::<f64>();
         let trials = self.trials.borrow();
         let done = trials.iter().filter_map(|(values, known)| Some((values, known.as_ref()?)));
         let best = done.min_by(|(_, a), (_, b)| squares(a).total_cmp(&squares(b)));
@@ -345,8 +347,7 @@ impl<M: Fn(&[f64]) -> Result<Simulated>> Problem<'_, M> {
 
     fn finish(&self, free: &[Free], initial: &[f64], is_converged: bool) -> Result<Fit> {
         let (values, simulated) = self.best()?;
-        let residuals: Vec<f64> =
-            simulated.forces.iter().zip(&self.measured.points).map(|(force, (_, known))| force - known).collect();
+        let residuals = self.residuals_of(&simulated);
         let (points, count) = (residuals.len(), values.len());
         // Where no further simulation is allowed, the derivatives of an earlier step stand in for those here.
         let trials = self.trials.borrow().clone();
