@@ -17,7 +17,7 @@ use super::device::{self, Candidate, DeviceInfo, DeviceKind};
 use super::host::{HostDevice, QueueGuard};
 use super::log::{Level, Log};
 use super::threads::Threads;
-use super::{cache, failed, kernel, loader, threads};
+use super::{cache, failed, faults, kernel, loader, threads};
 use crate::error::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -71,6 +71,8 @@ pub struct Options {
     /// The SPIR-V must declare the buffers of the shader that it replaces; an unknown name is an error. For tests which
     /// show that a check can fail.
     pub replaced: Vec<(String, Vec<u8>)>,
+    /// Whether Vulkan calls fail where `gpu::FAULTS` says. For tests.
+    pub faults: bool,
     /// How kernels reach arrays of vectors that they only read; `None`: chosen as [`Context::arrays`] describes.
     pub arrays: Option<Arrays>,
     /// Upper limit for the number of elements of a texel buffer, where it is below the device's own limit. For tests.
@@ -106,6 +108,8 @@ impl Options {
 /// An open Vulkan device. Its methods may be called from any thread; submits are serialised.
 pub struct Context {
     // `Drop` destroys the Vulkan objects among these fields in the order in which the fields are declared here.
+    /// The kernels that the context has made; see `kernel.rs`.
+    pub(super) kernels: kernel::Kept,
     pub(super) allocator: ManuallyDrop<Mutex<memory::Allocator>>,
     pub(super) cache: vk::PipelineCache,
     pub(super) device: ash::Device,
@@ -177,6 +181,7 @@ impl Context {
                 return Err(error);
             }
         };
+        let device = if options.faults { faults::faulty(&instance, &device) } else { device };
         // SAFETY: the device was created with queue 0 of this queue family.
         let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
         let labels = Labels(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)));
@@ -245,6 +250,7 @@ impl Context {
         Ok(Arc::new(Context {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             cache,
+            kernels: kernel::Kept::default(),
             device,
             labels,
             messenger,
@@ -479,12 +485,13 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
-        // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none of them is left, and each
-        // recording has waited for its own work. Each object is destroyed before the object that it was made from, and
+        // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none of them is left but the kernels
+        // that the context itself keeps, and each recording has waited for its own work. Each object is destroyed before the object that it was made from, and
         // is not used afterwards.
         unsafe {
             self.wait_idle();
             self.save_pipeline_cache();
+            drop(std::mem::take(&mut self.kernels));
             ManuallyDrop::drop(&mut self.allocator);
             self.device.destroy_pipeline_cache(self.cache, None);
             if self.host.is_some() {
@@ -671,7 +678,6 @@ fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -
     unsafe { instance.create_device(chosen.physical, &info, None) }.map_err(failed("vkCreateDevice", "set-up"))
 }
 
-/// Workgroup size of kernels whose invocations synchronise at barriers, on a device; `asked`: the size asked for.
 /// Whether the device has memory of its own that is mapped and coherent for the CPU.
 fn has_mapped_device_memory(memory: &vk::PhysicalDeviceMemoryProperties) -> bool {
     use vk::MemoryPropertyFlags as Flags;
@@ -679,6 +685,7 @@ fn has_mapped_device_memory(memory: &vk::PhysicalDeviceMemoryProperties) -> bool
     memory.memory_types[..memory.memory_type_count as usize].iter().any(|ty| ty.property_flags.contains(wanted))
 }
 
+/// Workgroup size of kernels whose invocations synchronise at barriers, on a device; `asked`: the size asked for.
 pub(super) fn reduce_size(chosen: &Candidate, asked: Option<u32>) -> Result<u32> {
     let limits = &chosen.properties.limits;
     let most = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);

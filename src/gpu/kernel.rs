@@ -1,10 +1,12 @@
 //! Compute kernels: immutable compute pipelines, each with the interface (buffers, push constants) that its shader's
 //! SPIR-V declares. A kernel is made once, and any recording (command buffer) can use it. A *variant* of a shader is
-//! the shader with given values of its specialization constants. A [`Context`] is an opened Vulkan device.
+//! the shader with given values of its specialization constants. A [`Context`] is an opened Vulkan device; it keeps the
+//! kernels that it has made, so that a second simulation of the same body opens without compiling them again.
 #![allow(unsafe_code)]
 
+use std::cell::RefCell;
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk;
 
@@ -82,12 +84,83 @@ impl Const {
 
 /// A compute pipeline. The value is a reference-counted handle, so cloning it is cheap.
 #[derive(Clone)]
-pub struct Kernel(pub(super) Arc<Inner>);
+pub struct Kernel {
+    // Fields are dropped in the order in which they are declared: the pipeline before the device.
+    pub(super) inner: Arc<Inner>,
+    _context: Arc<Context>,
+}
 
 pub(super) struct Inner {
     pub interface: Interface,
     pub pipeline: vk::Pipeline,
     pub local_size: u32,
+}
+
+/// What tells two variants of the library's shaders apart on one device.
+#[derive(PartialEq, Eq, Hash)]
+struct Variant {
+    shader: String,
+    arrays: Arrays,
+    /// Ids of specialization constants and the bits of their values, sorted.
+    constants: Vec<(u32, u32)>,
+}
+
+/// Number of variants above which those that nothing uses are dropped; one simulation uses some thirty.
+const MOST_KEPT: usize = 128;
+
+/// The variants that a context has made.
+#[derive(Default)]
+pub(super) struct Kept(Mutex<HashMap<Variant, Arc<Inner>>>);
+
+impl Kept {
+    fn find(&self, variant: &Variant) -> Option<Arc<Inner>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(variant).cloned()
+    }
+
+    fn keep(&self, variant: Variant, made: &Arc<Inner>) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.len() >= MOST_KEPT {
+            kept.retain(|_, other| Arc::strong_count(other) > 1);
+        }
+        kept.insert(variant, made.clone());
+    }
+}
+
+/// Receives the number of kernels compiled so far before each further one; an error cancels the work.
+pub type Watch = Box<dyn FnMut(usize) -> Result<()>>;
+
+/// A watch, and the number of kernels compiled while it was there.
+type Watching = Option<(Watch, usize)>;
+
+thread_local! {
+    static WATCH: RefCell<Watching> = const { RefCell::new(None) };
+}
+
+/// Puts an earlier watch back when it is dropped, also where the work panics.
+struct Before(Watching);
+
+impl Drop for Before {
+    fn drop(&mut self) {
+        WATCH.replace(self.0.take());
+    }
+}
+
+/// Does `work`, and calls `watch` before each kernel that the work compiles on this thread. Kernels that the context
+/// keeps are not compiled.
+pub fn watched<T>(watch: Watch, work: impl FnOnce() -> T) -> T {
+    let _before = Before(WATCH.replace(Some((watch, 0))));
+    work()
+}
+
+/// Compiles a kernel by `work`, after the watch was told.
+fn told<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    // Taken out for the call, which may itself make kernels.
+    let Some((mut watch, count)) = WATCH.take() else { return work() };
+    let wish = watch(count);
+    WATCH.replace(Some((watch, count)));
+    let made = wish.and_then(|()| work())?;
+    WATCH.with_borrow_mut(|watching| watching.iter_mut().for_each(|(_, count)| *count += 1));
+    Ok(made)
 }
 
 /// Names of all shaders compiled into the library, sorted.
@@ -111,7 +184,6 @@ impl Kernel {
         constants: &[(&str, Const)],
         arrays: Arrays,
     ) -> Result<Kernel> {
-        let stage = || format!("kernel {name}");
         let local_size = match size {
             Size::Group => context.group_size(),
             Size::Reduce => context.reduce_size(),
@@ -122,8 +194,30 @@ impl Kernel {
         let is_one_subgroup = size == Size::Reduce && context.is_one_subgroup(local_size);
         special.set(0, local_size);
         special.set(ONE_SUBGROUP, is_one_subgroup.into());
+        let variant = Variant { shader: name.into(), arrays, constants: special.sorted() };
+        let inner = match context.kernels.find(&variant) {
+            Some(kept) => kept,
+            None => {
+                let compile =
+                    || Self::compiled(context, name, (&words, reflection), &special, local_size, is_one_subgroup);
+                let made = Arc::new(told(compile)?);
+                context.kernels.keep(variant, &made);
+                made
+            }
+        };
+        Ok(Kernel { inner, _context: context.clone() })
+    }
+
+    fn compiled(
+        context: &Context,
+        name: &str,
+        (words, reflection): (&[u32], Reflection),
+        special: &Specialization,
+        local_size: u32,
+        is_one_subgroup: bool,
+    ) -> Result<Inner> {
         let declared = reflection.names().map(Into::into).collect();
-        let (words, reflection) = specialised(name, &words, &special, |_| None)?;
+        let (words, reflection) = specialised(name, words, special, |_| None)?;
         let module = Module::new(context, name, &words)?;
         let interface = Interface::new(context, name, declared, reflection, vk::ShaderStageFlags::COMPUTE)?;
         let special = special.info();
@@ -141,37 +235,39 @@ impl Kernel {
         let info = vk::ComputePipelineCreateInfo::default().stage(stage_info).layout(interface.layout);
         // SAFETY: module and layout belong to this device and live through the call.
         let made = unsafe { context.device.create_compute_pipelines(context.cache, &[info], None) };
-        let pipeline = made.map_err(|(_, e)| failed("vkCreateComputePipelines", stage())(e))?[0];
+        let stage = format!("kernel {name}");
+        let pipeline = made.map_err(|(_, e)| failed("vkCreateComputePipelines", stage)(e))?[0];
         context.labels.name(pipeline, name);
-        Ok(Kernel(Arc::new(Inner { interface, pipeline, local_size })))
+        Ok(Inner { interface, pipeline, local_size })
     }
 
     /// Name of the kernel, such as `solve/element_product`.
     pub fn name(&self) -> &str {
-        &self.0.interface.name
+        &self.inner.interface.name
     }
 
     /// Number of invocations in a workgroup.
     pub fn local_size(&self) -> u32 {
-        self.0.local_size
+        self.inner.local_size
     }
 
     /// The buffers that this kernel uses, given the values of its specialization constants.
     pub fn bindings(&self) -> &[Binding] {
-        &self.0.interface.reflection.bindings
+        &self.inner.interface.reflection.bindings
     }
 }
 
 impl Drop for Inner {
     fn drop(&mut self) {
         // SAFETY: recordings hold handles of the kernels they use, so no recording that uses this pipeline is left.
-        unsafe { self.interface.context.device.destroy_pipeline(self.pipeline, None) };
+        unsafe { self.interface.device.destroy_pipeline(self.pipeline, None) };
     }
 }
 
-/// The interface of a pipeline, and the descriptor set layout and the pipeline layout that are made from it.
+/// The interface of a pipeline, and the descriptor set layout and the pipeline layout that are made from it. Whoever
+/// holds it keeps the context alive, or is kept by the context, which drops it before it closes the device.
 pub(super) struct Interface {
-    pub context: Arc<Context>,
+    pub device: ash::Device,
     pub name: String,
     /// Names of all buffers that the shader declares, including those that this variant does not use.
     pub declared: Vec<String>,
@@ -184,7 +280,7 @@ pub(super) struct Interface {
 
 impl Interface {
     pub fn new(
-        context: &Arc<Context>,
+        context: &Context,
         name: &str,
         declared: Vec<String>,
         reflection: Reflection,
@@ -212,7 +308,7 @@ impl Interface {
             .collect();
         let device = &context.device;
         let mut interface = Interface {
-            context: context.clone(),
+            device: device.clone(),
             name: name.into(),
             declared,
             reflection,
@@ -242,8 +338,8 @@ impl Drop for Interface {
     fn drop(&mut self) {
         // SAFETY: pipelines that use the two layouts hold this interface, so none is left; null handles are ignored.
         unsafe {
-            self.context.device.destroy_pipeline_layout(self.layout, None);
-            self.context.device.destroy_descriptor_set_layout(self.set_layout, None);
+            self.device.destroy_pipeline_layout(self.layout, None);
+            self.device.destroy_descriptor_set_layout(self.set_layout, None);
         }
     }
 }
@@ -356,6 +452,13 @@ impl Specialization {
         self.entries.push(vk::SpecializationMapEntry { constant_id: id, offset, size: size_of::<u32>() });
     }
 
+    /// Ids of the constants and the bit patterns of their values, sorted.
+    fn sorted(&self) -> Vec<(u32, u32)> {
+        let mut all: Vec<_> = self.values().into_iter().collect();
+        all.sort_unstable();
+        all
+    }
+
     /// Bit pattern of each value, keyed by constant id.
     fn values(&self) -> HashMap<u32, u32> {
         self.entries.iter().zip(&self.data).map(|(entry, bits)| (entry.constant_id, *bits)).collect()
@@ -363,5 +466,40 @@ impl Specialization {
 
     pub fn info(&self) -> vk::SpecializationInfo<'_> {
         vk::SpecializationInfo::default().map_entries(&self.entries).data(bytemuck::cast_slice(&self.data))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Options;
+    use super::*;
+
+    fn scaled(context: &Arc<Context>, scale: f32, arrays: Arrays) -> Kernel {
+        Kernel::with_arrays(context, "test/copy", Size::Group, &[("scale", scale.into())], arrays).unwrap()
+    }
+
+    #[test]
+    fn a_context_keeps_one_pipeline_for_each_variant_and_does_not_keep_itself_open() {
+        let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+        let context = Context::open(&Options { device, ..Options::default() }).unwrap();
+        let first = scaled(&context, 2.0, Arrays::Texel);
+        let pipeline = first.inner.pipeline;
+        drop(first);
+        assert_eq!(scaled(&context, 2.0, Arrays::Texel).inner.pipeline, pipeline, "the same variant, made again");
+        let others = [
+            scaled(&context, 3.0, Arrays::Texel),
+            scaled(&context, 2.0, Arrays::Storage),
+            Kernel::with_arrays(&context, "test/copy", Size::One, &[("scale", 2.0.into())], Arrays::Texel).unwrap(),
+        ];
+        assert!(others.iter().all(|other| other.inner.pipeline != pipeline), "variants with another value or size");
+        drop(others);
+        let in_use = scaled(&context, -1.0, Arrays::Texel);
+        for scale in 0..MOST_KEPT + 8 {
+            scaled(&context, scale as f32, Arrays::Texel);
+        }
+        assert!(context.kernels.0.lock().unwrap().len() <= MOST_KEPT);
+        assert_eq!(scaled(&context, -1.0, Arrays::Texel).inner.pipeline, in_use.inner.pipeline, "a variant in use");
+        drop(in_use);
+        assert_eq!(Arc::strong_count(&context), 1, "kernels that a context keeps must not keep it open");
     }
 }

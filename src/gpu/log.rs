@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use crate::error::printable;
+
 /// Severity of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Level {
@@ -34,7 +36,7 @@ impl Log {
     /// Passes a message to the receiver, if there is one.
     pub fn tell(&self, level: Level, message: &str) {
         if let Some(hear) = &self.0 {
-            hear(level, message);
+            hear(level, &printable(message));
         }
     }
 }

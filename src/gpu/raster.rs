@@ -46,8 +46,10 @@ pub enum Side {
 pub struct RasterPipeline(pub(super) Arc<PipelineInner>);
 
 pub(super) struct PipelineInner {
+    // Fields are dropped in the order in which they are declared: the interface before the device.
     pub interface: Interface,
     pub pipeline: vk::Pipeline,
+    _context: Arc<Context>,
 }
 
 impl RasterPipeline {
@@ -124,7 +126,7 @@ impl RasterPipeline {
         ];
         let pipeline = create_pipeline(context, &interface, &stages, onto)?;
         context.labels.name(pipeline, name);
-        Ok(RasterPipeline(Arc::new(PipelineInner { interface, pipeline })))
+        Ok(RasterPipeline(Arc::new(PipelineInner { interface, pipeline, _context: context.clone() })))
     }
 
     /// The buffers that at least one of the two shaders uses.
@@ -136,7 +138,7 @@ impl RasterPipeline {
 impl Drop for PipelineInner {
     fn drop(&mut self) {
         // SAFETY: recordings hold handles of the pipelines they use, so no recording that uses this pipeline is left.
-        unsafe { self.interface.context.device.destroy_pipeline(self.pipeline, None) };
+        unsafe { self.interface.device.destroy_pipeline(self.pipeline, None) };
     }
 }
 

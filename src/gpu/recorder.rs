@@ -270,7 +270,7 @@ impl Recorder {
         args: Option<&Buffer>,
         only_check: bool,
     ) -> Result<()> {
-        let inner = &kernel.0;
+        let inner = &kernel.inner;
         #[cfg(test)]
         self.see(kernel, arguments);
         let (buffers, mut uses) = self.check_uses(&inner.interface, arguments, Stages::COMPUTE_SHADER)?;

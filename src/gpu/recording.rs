@@ -69,6 +69,9 @@ pub struct Recording {
 
 /// The Vulkan objects behind a recording; they are destroyed together.
 pub(super) struct Commands {
+    /// What the recording uses, by its Vulkan handle. Fields are dropped in the order in which they are declared: these
+    /// objects before the device.
+    kept: HashMap<u64, Arc<dyn Any + Send + Sync>>,
     pub context: Arc<Context>,
     pool: vk::CommandPool,
     pub buffer: vk::CommandBuffer,
@@ -79,13 +82,13 @@ pub(super) struct Commands {
     marks: Vec<String>,
     pub passes: Vec<Pass>,
     pub arrays: Vec<ArrayUse>,
-    kept: HashMap<u64, Arc<dyn Any + Send + Sync>>,
 }
 
 impl Commands {
     pub fn new(context: &Arc<Context>) -> Result<Commands> {
         let device = &context.device;
         let mut commands = Commands {
+            kept: HashMap::new(),
             context: context.clone(),
             pool: vk::CommandPool::null(),
             buffer: vk::CommandBuffer::null(),
@@ -95,7 +98,6 @@ impl Commands {
             marks: Vec::new(),
             passes: Vec::new(),
             arrays: Vec::new(),
-            kept: HashMap::new(),
         };
         let pool = vk::CommandPoolCreateInfo::default().queue_family_index(context.queue_family);
         // SAFETY (of all calls below): the device is alive; each info lives through its call; on an error, dropping
@@ -251,6 +253,9 @@ impl Recording {
         let fences = [last.commands.fence];
         let device = &context.device;
         let lost = |call| move |result| failed(call, Self::stage_reached(recordings))(result);
+        // Before the submit, not after it: a call that failed in between must not leave a signalled fence to the next.
+        // SAFETY: nothing waits for the fence, since every submit waits for its end.
+        unsafe { device.reset_fences(&fences) }.map_err(failed("vkResetFences", "submit"))?;
         {
             let queue = context.queue();
             // SAFETY: the command buffers are recorded, and idle because every submit waits for its end and a
@@ -258,14 +263,11 @@ impl Recording {
             unsafe { device.queue_submit2(queue.queue(), &submit, last.commands.fence) }
                 .map_err(lost("vkQueueSubmit2"))?;
         }
-        // SAFETY: the fence was submitted just now; it is reset when nobody waits for it.
-        unsafe {
-            if let Err(error) = device.wait_for_fences(&fences, true, u64::MAX) {
-                // The recordings must not be freed while the device still runs them.
-                context.wait_idle();
-                return Err(lost("vkWaitForFences")(error));
-            }
-            device.reset_fences(&fences).map_err(lost("vkResetFences"))?;
+        // SAFETY: the fence was submitted just now.
+        if let Err(error) = unsafe { device.wait_for_fences(&fences, true, u64::MAX) } {
+            // The recordings must not be freed while the device still runs them.
+            context.wait_idle();
+            return Err(lost("vkWaitForFences")(error));
         }
         recordings.iter().for_each(|r| r.ran.set(true));
         Ok(())

@@ -108,7 +108,9 @@ impl Frames {
                 *velocity = if core.hinge == DVec3::ZERO { *velocity } else { DVec3::ZERO };
             }
         }
-        let links = model.links.iter().map(|link| link.map(|frame| frame as usize)).collect();
+        // A scene of planes alone has no frames, and so nothing that its one link, of frame 0 with itself, could link.
+        let links = model.links.iter().map(|link| link.map(|frame| frame as usize));
+        let links = links.filter(|link| link.iter().all(|frame| *frame < states.len())).collect();
         let floating = model.floating.iter().map(|f| f.frame).collect();
         let mut has_nodes = vec![false; states.len()];
         model.node_info.iter().for_each(|node| has_nodes[node[2] as usize] = true);

@@ -3,5 +3,6 @@
 
 pub mod canvas;
 pub mod device;
+pub mod faults;
 pub mod replaced;
 pub mod variants;

@@ -37,6 +37,15 @@ fn no_texel_and_no_depth_limit_is_too_coarse_for_contact() {
 }
 
 #[test]
+fn a_scene_of_planes_alone_has_steps_in_which_nothing_happens() {
+    let plane = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, 0.0]\n";
+    for text in [plane.to_string(), format!("{plane}[tool]\n{SPHERE}")] {
+        let rows = run(&mut open(&scene(&text), None), 3);
+        assert!(rows.iter().all(|row| row.flags == Flags(0) && row.time > 0.0), "{text}: {rows:?}");
+    }
+}
+
+#[test]
 fn bodies_in_the_same_place_are_seen_to_overlap() {
     let both = format!("[[body]]\nname = \"b\"\n{BLOCK}[[body]]\nname = \"c\"\n{BLOCK}");
     let rows = run(&mut open(&scene(&both), None), 1);
