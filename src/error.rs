@@ -1,13 +1,14 @@
 //! The error type of the whole crate. Its messages name what went wrong and where, and what the user can do about it.
 
+use std::borrow::Cow;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// What can go wrong. The cause may be the user's input or output (`Input`, `Key`, `Usage`, `Output`), the machine
 /// (`NoDevice`, `Vulkan`, `Memory`), or the simulation (`Simulation`, `Cancelled`).
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug)]
 pub enum Error {
     /// A file that the user named is missing, unreadable or malformed.
-    #[error("{}{}: {problem}; {remedy}", .file.display(), .line.map(|l| format!(":{l}")).unwrap_or_default())]
     Input {
         /// The file.
         file: PathBuf,
@@ -19,7 +20,6 @@ pub enum Error {
         remedy: String,
     },
     /// A key of a scene file, or an option, has a value that cannot be used.
-    #[error("{}: `{key}`: {problem}; {remedy}", .file.display())]
     Key {
         /// The scene file.
         file: PathBuf,
@@ -32,10 +32,8 @@ pub enum Error {
     },
     /// The command line or a call asks for something that does not exist or cannot be done; the message includes the
     /// remedy.
-    #[error("{0}")]
     Usage(String),
     /// A file could not be written.
-    #[error("cannot write {}: {source}; free disk space, or choose another folder", .file.display())]
     Output {
         /// The file or directory.
         file: PathBuf,
@@ -43,10 +41,8 @@ pub enum Error {
         source: std::io::Error,
     },
     /// No Vulkan device can run palpate.
-    #[error("{0}")]
     NoDevice(String),
     /// A Vulkan call failed.
-    #[error("{call} failed in {stage}: {result}")]
     Vulkan {
         /// Name of the Vulkan call.
         call: &'static str,
@@ -57,16 +53,58 @@ pub enum Error {
     },
     /// The GPU's memory, or the largest array that the GPU allows, is too small for the scene; the message includes the
     /// remedy.
-    #[error(
-        "{0}; leave out bodies, use coarser layers (a larger layer.cell) or smaller skins, or a device with more memory"
-    )]
     Memory(String),
     /// The simulation cannot go on.
-    #[error("{0}")]
     Simulation(String),
     /// The caller's progress callback cancelled the work; the message names the stage that was reached.
-    #[error("{0}")]
     Cancelled(String),
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = match self {
+            Error::Input { file, line, problem, remedy } => {
+                let line = line.map(|line| format!(":{line}")).unwrap_or_default();
+                format!("{}{line}: {problem}; {remedy}", file.display())
+            }
+            Error::Key { file, key, problem, remedy } => format!("{}: `{key}`: {problem}; {remedy}", file.display()),
+            Error::Output { file, source } => {
+                format!("cannot write {}: {source}; free disk space, or choose another folder", file.display())
+            }
+            Error::Vulkan { call, stage, result } => format!("{call} failed in {stage}: {result}"),
+            Error::Memory(what) => format!(
+                "{what}; leave out bodies, use coarser layers (a larger layer.cell) or smaller skins, or a device with \
+                 more memory"
+            ),
+            Error::Usage(what) | Error::NoDevice(what) | Error::Simulation(what) | Error::Cancelled(what) => {
+                what.clone()
+            }
+        };
+        f.write_str(&printable(&text))
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Error::Output { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+}
+
+/// A text without the characters that a terminal obeys instead of showing them: control characters but for ends of
+/// lines and tabs, and those that reverse the direction of writing. They appear as escapes such as `\u{1b}`, since the
+/// text may quote names and contents of files that nobody has looked at.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    let obeyed = |c: char| {
+        c.is_control() && !matches!(c, '\n' | '\t') || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    if !text.contains(obeyed) {
+        return Cow::Borrowed(text);
+    }
+    let shown = |c: char| if obeyed(c) { c.escape_unicode().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(shown).collect())
 }
 
 /// A result whose error is [`Error`].
@@ -84,8 +122,8 @@ impl Error {
         (3, "no usable Vulkan device"),
         (
             4,
-            "the simulation or its Vulkan device failed, memory did not suffice, a replay differs, a comparison is worse \
-             than before, or a case of `stability` fails silently",
+            "the simulation or its Vulkan device failed, memory did not suffice, a run was interrupted, a replay differs, \
+             a comparison is worse than before, or a case of `stability` fails silently",
         ),
     ];
 
@@ -113,6 +151,24 @@ impl Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_message_moves_the_cursor_or_changes_colours_of_a_terminal() {
+        let hostile = "a\u{1b}[31m\u{7}\u{202e}b";
+        let file = PathBuf::from(hostile);
+        let output = Error::Output { file: file.clone(), source: std::io::ErrorKind::NotFound.into() };
+        let errors = [
+            Error::input(&file, Some(1), hostile, hostile),
+            Error::key(&file, hostile, hostile, hostile),
+            Error::Usage(hostile.into()),
+            output,
+        ];
+        for error in errors {
+            let text = error.to_string();
+            assert!(text.contains("a\\u{1b}[31m\\u{7}\\u{202e}b") && !text.contains(char::is_control), "{text:?}");
+        }
+        assert_eq!(printable("two\n\tlines: \u{e9}"), "two\n\tlines: \u{e9}");
+    }
 
     #[test]
     fn every_error_has_a_listed_exit_status() {

@@ -39,6 +39,7 @@
 #![deny(missing_docs)]
 
 mod error;
+mod files;
 mod gpu;
 mod haptics;
 mod plan;
@@ -61,6 +62,10 @@ pub use step::{
 #[doc(hidden)]
 pub mod internal {
     #![allow(missing_docs)]
+    pub use crate::error::printable;
+    pub mod files {
+        pub use crate::files::*;
+    }
     pub mod gpu {
         pub use crate::gpu::*;
     }

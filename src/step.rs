@@ -341,6 +341,14 @@ impl Simulation {
         bodies.chain(self.tool_body.iter().map(|body| ("tool", &body.report)))
     }
 
+    /// What a user should know of the scene and of its files, one sentence each: values that are most likely a mistake,
+    /// and what preparation changed.
+    #[doc(hidden)]
+    pub fn notes(&self) -> Vec<String> {
+        let of_files = self.reports().flat_map(|(_, report)| report.notes.iter().cloned());
+        self.scene.notes().into_iter().chain(of_files).collect()
+    }
+
     /// The tool, if the scene has one; where the tool is a body of the scene, it moves with that body's core.
     #[doc(hidden)]
     pub fn tool(&self) -> Option<&Tool> {

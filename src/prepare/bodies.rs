@@ -24,7 +24,7 @@ pub struct Progress<'a> {
     pub name: &'a str,
     /// Stage of the body's preparation that begins now.
     pub stage: Stage,
-    /// Number of bodies that are ready; the tool counts as one.
+    /// Number of bodies that are ready, this one included at [`Stage::Ready`]; the tool counts as one.
     pub done: usize,
     /// Number of bodies in all; the tool counts as one.
     pub total: usize,
@@ -49,12 +49,14 @@ impl Bodies {
         let total = scene.bodies.len() + usize::from(scene.rigid_tool().is_some());
         while let Some(body) = scene.bodies.get(self.bodies.len()) {
             let (name, done) = (body.name.as_str(), self.bodies.len());
-            let mut watch = |stage| watch(Progress { name, stage, done, total });
-            self.bodies.push(body_and_report(body, scene, cache, &mut watch)?.0);
+            let mut of_body = |stage| watch(Progress { name, stage, done, total });
+            self.bodies.push(body_and_report(body, scene, cache, &mut of_body)?.0);
+            watch(Progress { name, stage: Stage::Ready, done: done + 1, total })?;
         }
         if let (Some(tool), None) = (scene.rigid_tool(), &self.tool) {
-            let mut watch = |stage| watch(Progress { name: "tool", stage, done: total - 1, total });
-            self.tool = Some(watched_tool(tool, scene, cache, &mut watch)?);
+            let mut of_tool = |stage| watch(Progress { name: "tool", stage, done: total - 1, total });
+            self.tool = Some(watched_tool(tool, scene, cache, &mut of_tool)?);
+            watch(Progress { name: "tool", stage: Stage::Ready, done: total, total })?;
         }
         Ok(())
     }

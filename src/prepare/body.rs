@@ -20,6 +20,8 @@ use crate::{Error, Result};
 /// Least volume that a closed skin must enclose, as a share of the cube of its bounding box's diagonal; a smaller
 /// volume is rounding error.
 const LEAST_VOLUME: f64 = 1e-12;
+/// Largest extents of bodies, m, that raise no doubt about the unit of their files.
+const USUAL_SIZES: std::ops::RangeInclusive<f64> = 1e-4..=10.0;
 
 /// Prepares a body of the scene with the cache of earlier results in the user's cache folder. Errors name the key in
 /// the scene, or the file.
@@ -53,7 +55,8 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     };
     let recipe = Recipe { surface, layer, hulls: body.hulls };
     let prepared = recipe.prepared(&keys, cache, log)?;
-    let report = report_of(&keys, layer, &prepared, log);
+    let mut report = report_of(&keys, layer, &prepared, log);
+    report.notes.extend(odd_size(&keys, &prepared.mesh.vertices, body.scale));
     log.filling = prepared.filling.clone();
     let made = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
@@ -61,6 +64,23 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
             .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume")),
     })?;
     Ok(placed(body, made?, report))
+}
+
+/// A note on a body so large or so small that its file is most likely in another unit than metres.
+fn odd_size(keys: &Keys, vertices: &[DVec3], scale: f64) -> Option<String> {
+    let low = vertices.iter().fold(DVec3::INFINITY, |low, vertex| low.min(*vertex));
+    let high = vertices.iter().fold(DVec3::NEG_INFINITY, |high, vertex| high.max(*vertex));
+    let size = scale * (high - low).max_element();
+    if !size.is_finite() || USUAL_SIZES.contains(&size) {
+        return None;
+    }
+    let milli = scale * 1e-3;
+    let advice = if size > *USUAL_SIZES.end() {
+        format!("if its lengths are in millimetres, give scale = {milli}")
+    } else {
+        "give a `scale` that turns its lengths into metres".into()
+    };
+    Some(format!("`{}`: the body is {size:.3e} m across; {advice} (the scale is {scale})", keys.prefix))
 }
 
 /// Collects what was found and changed in the body's files, and the notes of the log.

@@ -6,6 +6,7 @@
 //! is written to a temporary file, which is then renamed, so that other processes never see a partly written entry.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::SystemTime;
@@ -124,7 +125,8 @@ impl Cache {
                 let value = unpack(key, &bytes).and_then(|payload| postcard::from_bytes(payload).ok());
                 value.map_or(Entry::Damaged(path), Entry::Found)
             }
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Entry::Missing,
+            // Where the folder cannot be, `store` says so.
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => Entry::Missing,
             Err(_) => Entry::Damaged(path),
         }
     }
@@ -220,6 +222,11 @@ mod tests {
         assert_eq!(cache.load::<Value>(&key("c")), Entry::Missing);
         assert_eq!(Cache::off().load::<Value>(&key("a")), Entry::Missing);
         assert!(Cache::off().store(&key("a"), &value(0.0)).is_ok());
+        // A folder that cannot be has no entry, damaged or not.
+        fs::write(folder.path().join("file"), "").unwrap();
+        let nowhere = Cache::at(&folder.path().join("file/below"));
+        assert_eq!(nowhere.load::<Value>(&key("a")), Entry::Missing);
+        assert!(nowhere.store(&key("a"), &value(0.0)).unwrap_err().contains("cannot be written"));
     }
 
     #[test]

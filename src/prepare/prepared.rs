@@ -15,11 +15,11 @@ use super::repair::{self, RepairReport};
 use super::report::{CacheUse, Log, Stage};
 use super::stuffing::{self, LayerReport, Options, stuff};
 use super::{Embedding, Layer, Proxy, Skin, embed, layer, proxies, proxy, skin};
-use crate::Result;
 use crate::scene::groups::Groups;
 use crate::scene::obj::{self, TriangleMesh};
 use crate::scene::tetrahedra::{self, TetMesh};
 use crate::scene::{self, Surface};
+use crate::{Result, files};
 
 /// Advice in the message about a refused cell size. A cell is a cube of the lattice from which the layer is made.
 const UNITS: &str = "give cells in the file's coordinates, before `scale`";
@@ -96,7 +96,7 @@ impl Recipe<'_> {
 
     /// The cache's key for the parts: a digest of the source code, of the contents of all files, and of every
     /// parameter.
-    fn key(&self, keys: &Keys) -> std::io::Result<Key> {
+    fn key(&self, keys: &Keys) -> Result<Key> {
         let mut maker = KeyMaker::new();
         match self.surface {
             Some(Surface::File(path)) => add_file(&mut maker, path)?,
@@ -156,10 +156,10 @@ impl Recipe<'_> {
 }
 
 /// Adds to a key the extension of a file's name, by which the file's reader is chosen, and the file's contents.
-fn add_file(maker: &mut KeyMaker, path: &Path) -> std::io::Result<()> {
+fn add_file(maker: &mut KeyMaker, path: &Path) -> Result<()> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     maker.add(ending.as_bytes());
-    maker.add(&std::fs::read(path)?);
+    maker.add(&files::bytes(path, files::MOST_MESH, "give a mesh file")?);
     Ok(())
 }
 

@@ -32,12 +32,22 @@ pub enum Stage {
     Proxies,
     /// Attaches nodes of the layer to rigid cores (rigid bodies inside the soft one), and scales everything.
     Bind,
+    /// Nothing: the body is ready. Only the progress of several bodies tells of this stage.
+    Ready,
 }
 
 impl Stage {
     /// Every stage, in order.
-    pub const ALL: [Stage; 7] =
-        [Stage::Cache, Stage::Read, Stage::Repair, Stage::Layer, Stage::Embed, Stage::Proxies, Stage::Bind];
+    pub const ALL: [Stage; 8] = [
+        Stage::Cache,
+        Stage::Read,
+        Stage::Repair,
+        Stage::Layer,
+        Stage::Embed,
+        Stage::Proxies,
+        Stage::Bind,
+        Stage::Ready,
+    ];
 
     /// Name of the stage, for display.
     pub fn name(self) -> &'static str {
@@ -49,6 +59,7 @@ impl Stage {
             Stage::Embed => "embed",
             Stage::Proxies => "proxies",
             Stage::Bind => "bind",
+            Stage::Ready => "ready",
         }
     }
 }

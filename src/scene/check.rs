@@ -13,7 +13,7 @@ use super::haptics::{NOT_HAPLYS, of_haply};
 use super::joint::closes_loop;
 use super::{
     Bind, Body, Contact, Core, Coupling, DeviceKind, Dilatation, Group, HAPTIC_RATES, Haptics, Hinge, Joint, Key,
-    Layer, MOST_HULLS, Material, Motion, Place, Probe, Shape, Solver, Step, Surface, Tool, ToolShape,
+    Layer, MOST_HULLS, Material, Motion, Place, Probe, Scene, Shape, Solver, Step, Surface, Tool, ToolShape,
 };
 
 /// Greatest magnitude of a number. The greatest number of single precision, 3e38, is so much greater that the number
@@ -34,6 +34,8 @@ const NORMAL_TOLERANCE: f64 = 1e-6;
 pub const MOST_ITERATIONS: u32 = 10_000;
 /// Greatest number of Newton iterations in a step.
 pub const MOST_LINEARISATIONS: u32 = 100;
+/// Time step, s, above which a scene gets a note.
+const LONG_STEP: f64 = 0.1;
 /// Least speed, m/s, at which friction may change from viscous (at lower speeds) to Coulomb friction.
 const SLOWEST: f64 = 1e-6;
 /// Greatest number of cells, along the largest extent of a surface, in the lattice from which its layer is generated.
@@ -273,6 +275,20 @@ pub fn keys(keys: &[Key]) -> Check {
         before = Some(key.time);
     }
     Ok(())
+}
+
+impl Scene {
+    /// Values that are allowed but most likely a mistake, one sentence each.
+    #[doc(hidden)]
+    pub fn notes(&self) -> Vec<String> {
+        let dt = self.step.dt;
+        let is_long = dt > LONG_STEP;
+        let long = format!(
+            "`step.dt`: a step of {dt} s leaves out all that happens within it; steps of 0.001 to 0.01 s are usual, and \
+             what is felt needs them"
+        );
+        is_long.then_some(long).into_iter().collect()
+    }
 }
 
 impl Step {

@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
-use crate::{Error, Result};
+use crate::{Error, Result, files};
 
 /// Greatest magnitude of a coordinate. The greatest number of single precision, 3e38, is so much greater that the
 /// coordinate may be multiplied by 1e8 without overflow.
@@ -40,8 +40,7 @@ pub(super) struct Cursor<'a> {
 
 /// Reads all bytes of a mesh file.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path)
-        .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a mesh file"))
+    files::bytes(path, files::MOST_MESH, "give a mesh file")
 }
 
 /// Shortens a word to 40 characters and escapes it, for use in a message.

@@ -14,7 +14,7 @@ use toml::de::{DeTable, DeValue};
 use super::check::{self, Check, Problem};
 use super::meshes::Meshes;
 use super::reference::TableKeys;
-use crate::{Error, Result};
+use crate::{Error, Result, files};
 
 /// Similarity (Jaro-Winkler, 0 to 1) above which a known key is suggested in place of an unknown one.
 const LIKENESS: f64 = 0.7;
@@ -129,7 +129,14 @@ impl<'a> Source<'a> {
         let document = DeTable::parse(self.text).map_err(|error| {
             let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
             let line = error.span().and_then(|span| self.line(Some(span.start)));
-            Error::input(self.file, line, format!("not TOML: {message}"), "correct the line")
+            match error.span().and_then(|span| self.text.get(span)) {
+                Some(key) if message == "duplicate key" => {
+                    let problem = format!("`{}` is given a second time", key.trim().escape_debug());
+                    let remedy = "keep one of the two; what there may be many of is a list, such as [[body]]";
+                    Error::input(self.file, line, problem, remedy)
+                }
+                _ => Error::input(self.file, line, format!("not TOML: {message}"), "correct the line"),
+            }
         })?;
         Ok(Node { kind: Kind::Table(entries(document.get_ref())), offset: Some(0) })
     }
@@ -370,11 +377,12 @@ impl<'a> Value<'a> {
     /// Reads a path, relative to the scene file's folder, to an existing file.
     pub fn file(&self) -> Result<PathBuf> {
         let path = self.source.file.parent().unwrap_or(Path::new("")).join(self.text()?);
-        if !path.is_file() {
-            let problem = format!("there is no file {}", path.display());
-            return Err(self.error(problem, "correct the path; it is relative to the scene file"));
-        }
-        Ok(path)
+        let problem = match files::irregular(&path) {
+            Some(problem) => format!("{} {problem}", path.display()),
+            None if path.exists() => return Ok(path),
+            None => format!("there is no file {}", path.display()),
+        };
+        Err(self.error(problem, "correct the path; it is relative to the scene file"))
     }
 
     /// Reads the name of a mesh in memory, and returns the mesh that `find` finds by this name.

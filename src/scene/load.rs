@@ -17,7 +17,7 @@ use super::{
     Body, Contact, Coupling, DepthPath, Haptics, Operator, Preconditioner, Probe, Scene, SceneBuilder, Sides, Solver,
     Step, Tool, ToolShape, body, check, haptics, names, trajectory,
 };
-use crate::{Error, Result};
+use crate::{Error, Result, files};
 
 /// Name by which bodies of a scene refer to the tool.
 pub(super) const TOOL: &str = "tool";
@@ -34,9 +34,7 @@ impl Scene {
     /// Reads a scene file and checks it: every number is finite and in range, and whatever a name or a path refers to
     /// exists. Errors name the file, the line, the key and the remedy.
     pub fn load(path: &Path) -> Result<Scene> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give a scene file"))?;
-        Scene::parse(path, &text)
+        Scene::parse(path, &files::text(path, "give a scene file")?)
     }
 
     /// Reads and checks the text of a scene file. Errors name `path`, and paths in the text are relative to the folder

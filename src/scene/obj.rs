@@ -15,7 +15,9 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::triangulate::triangulate;
-use crate::{Error, Result};
+use crate::{Error, Result, files};
+
+const REMEDY: &str = "give an OBJ file";
 
 /// Greatest magnitude of a coordinate: multiplied by up to 1e8 it is still finite in single precision.
 const LARGEST: f64 = 1e30;
@@ -36,8 +38,7 @@ pub struct TriangleMesh {
 /// In the result every coordinate is finite, every index is that of a vertex, and at least one triangle has an area
 /// above zero. [`crate::prepare::repair`] decides whether the surface can serve as a skin.
 pub fn read(path: &Path) -> Result<TriangleMesh> {
-    let bytes = std::fs::read(path)
-        .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), "give an OBJ file"))?;
+    let bytes = files::bytes(path, files::MOST_MESH, REMEDY)?;
     let mesh = parse(&String::from_utf8_lossy(&bytes), path)?.mesh;
     if has_area(&mesh) {
         Ok(mesh)
@@ -56,7 +57,7 @@ pub(super) fn has_area(mesh: &TriangleMesh) -> bool {
 
 /// Returns, for each triangle of an OBJ file, the one-based number of the line whose face contains the triangle.
 pub(crate) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
-    let bytes = std::fs::read(path).map_err(|error| Error::input(path, None, error.to_string(), "give an OBJ file"))?;
+    let bytes = files::bytes(path, files::MOST_MESH, REMEDY)?;
     Ok(parse(&String::from_utf8_lossy(&bytes), path)?.lines)
 }
 

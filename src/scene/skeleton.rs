@@ -15,7 +15,7 @@ use super::Capsule;
 use super::joint::{self, Resistance};
 use super::keys::{Source, Table, Value, suggest};
 use super::reference;
-use crate::{Error, Result};
+use crate::{Result, files};
 
 /// A skeleton, as its file describes it.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,8 +44,7 @@ pub struct Bone {
 /// Reads the skeleton file that a body of a scene names. Errors name the skeleton file, the line and the key.
 pub(super) fn read(value: &Value) -> Result<Skeleton> {
     let file = value.file()?;
-    let text = std::fs::read_to_string(&file)
-        .map_err(|error| Error::input(&file, None, format!("cannot be read: {error}"), "give a skeleton file"))?;
+    let text = files::text(&file, "give a skeleton file")?;
     let source = Source::of_file(&file, &text);
     let document = source.parse()?;
     let root = Table::root(&source, &document, &reference::SKELETON)?;

@@ -16,7 +16,7 @@ const REMEDY: &str = "export the mesh again with TetGen";
 /// number of its group (a set of tetrahedra to which a scene can give a material of its own).
 pub fn read(path: &Path) -> Result<TetMesh> {
     let (nodes, elements) = (path.with_extension("node"), path.with_extension("ele"));
-    if let Some(missing) = [&nodes, &elements].into_iter().find(|path| !path.is_file()) {
+    if let Some(missing) = [&nodes, &elements].into_iter().find(|path| !path.exists()) {
         let problem = format!("its companion file {} is missing", missing.display());
         return Err(Error::input(path, None, problem, "put the .node and the .ele file into one folder"));
     }

@@ -13,7 +13,7 @@ use super::Key;
 use super::check::{self, KEY_REMEDY};
 use super::keys::Value;
 use super::reference;
-use crate::{Error, Result};
+use crate::{Error, Result, files};
 
 /// Reads the table `[drive]`: `keys = [[..], ..]` or `path = "file.csv"`.
 pub(super) fn read(value: &Value) -> Result<Vec<Key>> {
@@ -62,8 +62,7 @@ fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String
 /// Reads a CSV file with one key per line. A line that begins with `#` is a comment, and blanks and double quotes
 /// around a number are ignored.
 fn read_csv(path: &Path) -> Result<Vec<Key>> {
-    let bytes = std::fs::read(path)
-        .map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), KEY_REMEDY))?;
+    let bytes = files::bytes(path, files::MOST_TEXT, KEY_REMEDY)?;
     // Some programs begin UTF-8 files with a byte order mark.
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
     let mut keys: Vec<Key> = Vec::new();

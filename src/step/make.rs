@@ -131,8 +131,8 @@ impl Prepared {
         let arrays = ArrayChoice::new(context)?;
         let choice = if model.needs_depth() { Some(Choice::new(context, scene.contact.depth)?) } else { None };
         let path = choice.as_ref().map(|choice| choice.path);
-        let notes = bodies.iter().chain(&tool_body).flat_map(|body| &body.report.notes);
-        notes.for_each(|note| context.tell(Level::Note, note));
+        let of_files = bodies.iter().chain(&tool_body).flat_map(|body| body.report.notes.iter().cloned());
+        scene.notes().into_iter().chain(of_files).for_each(|note| context.tell(Level::Note, &note));
         context.tell(Level::Note, &format!("arrays: {arrays}"));
         choice.iter().for_each(|choice| context.tell(Level::Note, &format!("depth stage: {choice}")));
         let stages = Stages::new(context, &model, path, &probe_nodes)?;

@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+use palpate::internal::files;
 use palpate::internal::gpu::DeviceKind;
 use palpate::internal::query::choice::Choice;
 use palpate::{Context, Error, Options, Result};
@@ -255,7 +256,7 @@ fn joined(file: &Path, name: &str, own: &Value, other: &Value) -> Result<Value> 
 /// Reads `results.json`. Errors name the file.
 pub fn read(file: &Path) -> Result<Results> {
     let remedy = "name a results.json of `palpate bench`, or its directory";
-    let text = std::fs::read_to_string(file).map_err(|e| Error::input(file, None, e.to_string(), remedy))?;
+    let text = files::text(file, remedy)?;
     let value: Value =
         serde_json::from_str(&text).map_err(|e| Error::input(file, Some(e.line()), e.to_string(), remedy))?;
     if value["schema"] != SCHEMA {

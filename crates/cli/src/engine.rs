@@ -62,11 +62,6 @@ impl Engine {
         Ok(Engine { simulation, stages: Vec::new(), iterations: 0, steps: 0 })
     }
 
-    /// Notes on what preparation changed in the data of the scene's mesh files, one line each.
-    pub fn notes(&self) -> impl Iterator<Item = &str> {
-        self.simulation.reports().flat_map(|(_, report)| report.notes.iter().map(String::as_str))
-    }
-
     /// Times each pass (dispatch, draw, fill or copy) by itself from now on, instead of each stage.
     pub fn time_passes(&mut self) -> Result<()> {
         self.simulation.time_passes()

@@ -205,7 +205,7 @@ pub fn film(arguments: &Arguments) -> Result<()> {
     }
     let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
     let mut simulation = Simulation::open(&scene, &options)?;
-    simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
+    simulation.notes().iter().for_each(|note| tell(note));
     let mut studio = arguments.look.studio(&mut simulation)?;
     if apart < scene.step.dt {
         tell(&format!("images are {apart:?} s apart, and steps last {:?} s: some images are the same", scene.step.dt));

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use clap::builder::NonEmptyStringValueParser;
+use palpate::internal::files;
 use palpate::{Context, Error, Options, Result, Threads};
 use palpate_fit::{Abscissa, Fit, Free, Measured, Verdict, fit};
 use palpate_page::page;
@@ -70,8 +71,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let Arguments { scene, data, .. } = arguments;
     // Read as a scene first: its messages name lines.
     palpate::Scene::load(scene)?;
-    let text = std::fs::read_to_string(scene).map_err(|error| Error::Usage(format!("{}: {error}", scene.display())))?;
-    let tables = text.parse().map_err(|error| Error::Usage(format!("{}: {error}", scene.display())))?;
+    let tables = files::text(scene, "give a scene file")?
+        .parse()
+        .map_err(|error| Error::Usage(format!("{}: {error}", scene.display())))?;
     let measured = Measured::read(data)?;
     let output = arguments.out.as_deref().map(Output::create).transpose()?;
     let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };

@@ -117,6 +117,7 @@ fn depths_of(arguments: &Arguments, layer: &Layer, skin: &Skin) -> Result<Vec<f6
 /// Prepares a surface and writes all files; if anything fails, no file is written.
 pub fn prepare(arguments: &Arguments) -> Result<()> {
     let scene = scene_of(arguments)?;
+    // A directory that cannot be written is an error before the work begins, not after it.
     let mut output = Output::create(&arguments.out)?;
     let bar = progress();
     let cache = if arguments.no_cache { Cache::off() } else { Cache::of_user() };
@@ -237,7 +238,7 @@ fn in_options(error: Error, surface: &str) -> Error {
 
 /// A progress bar on standard error, drawn only where standard error is a terminal.
 fn progress() -> ProgressBar {
-    let bar = ProgressBar::new(Stage::ALL.len() as u64 + AFTER).with_finish(ProgressFinish::AndClear);
+    let bar = ProgressBar::new(Stage::Ready as u64 + AFTER).with_finish(ProgressFinish::AndClear);
     bar.enable_steady_tick(Duration::from_millis(200));
     match ProgressStyle::with_template("{spinner} {wide_bar} {msg} ({elapsed})") {
         Ok(style) => bar.with_style(style),

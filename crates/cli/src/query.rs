@@ -1,7 +1,6 @@
 //! `palpate query`: finds where two undeformed surfaces overlap; reports which vertices of each surface lie within the
 //! other, draws an image of their depths, and measures the times of the query's stages on the GPU.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -16,9 +15,9 @@ use palpate::scene::{self, Surface, obj};
 use palpate::{Error, Options, Query, QueryContact, Result, Scene};
 
 use crate::prepare::surface_of;
-use crate::print;
 use crate::report::query::{Subject, write_contacts};
 use crate::report::{Output, QueryReport, StageSamples, field};
+use crate::{print, tell};
 
 /// Greatest coordinate and length that is accepted, m; beyond it single precision is too coarse.
 const LARGEST: f64 = 1e9;
@@ -95,8 +94,7 @@ pub fn query(arguments: &Arguments) -> Result<()> {
     let options = Options { device: arguments.device.clone(), ..Options::of_program() };
     let mut query = Query::of_bodies(&a.body, &b.body, &settings, &options)?;
     for note in a.notes().iter().chain(b.notes()) {
-        // A closed stderr does not stop a query; the report carries the notes too.
-        drop(writeln!(std::io::stderr(), "note: {note}"));
+        tell(note);
     }
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let pose_b = arguments.pose_b.unwrap_or((DVec3::ZERO, DQuat::IDENTITY));

@@ -1,12 +1,12 @@
 //! `palpate replay`: runs a recorded session (run of the haptic loop with a device) again and compares all its results
 //! with the recorded ones, bit for bit; or writes the session's ticks (iterations of the haptic loop) as a table.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use palpate::internal::files;
 use palpate::scene::DepthPath;
 use palpate::{Error, Options, Result, Scene, Simulation, Threads};
 use palpate_devices::record::{self, Entry, Header, Recorded, Table};
@@ -46,12 +46,8 @@ pub fn replay(arguments: &Arguments) -> Result<()> {
 
 /// Opens the recording; a progress bar on standard error shows how much is read, if standard error is a terminal.
 fn open(path: &Path) -> Result<(Recorded, ProgressBar)> {
-    let unreadable = |error| {
-        let remedy = "give a file that `palpate run --record` wrote";
-        Error::input(path, None, format!("cannot be read: {error}"), remedy)
-    };
-    let file = File::open(path).map_err(unreadable)?;
-    let bytes = file.metadata().map_err(unreadable)?.len();
+    let file = files::open(path, "give a file that `palpate run --record` wrote")?;
+    let bytes = file.metadata().map_or(0, |facts| facts.len());
     let mut bar = ProgressBar::new(bytes).with_finish(ProgressFinish::AndClear);
     if let Ok(style) = ProgressStyle::with_template("{wide_bar} {bytes} of {total_bytes}, {eta} left") {
         bar = bar.with_style(style);

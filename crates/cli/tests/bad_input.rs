@@ -93,6 +93,12 @@ fn mistakes_in_a_scene() {
         (format!("{body}[contact]\nfriction_speed = -1.0\n"), "`contact.friction_speed`: is -1.0; give 1e-6 m/s"),
         (format!("{body}[contact]\nfriction_speed = inf\n"), "`contact.friction_speed`: is inf; give a finite number"),
         ("[step\n".into(), "not TOML"),
+        (
+            "[tool]\nsphere = 0.1\n[tool]\nsphere = 0.2\n".into(),
+            "scene.toml:3: `tool` is given a second time; keep one",
+        ),
+        ("\"k\\u001b[31m\" = 3\n".into(), "unknown key `k\\u{1b}[31m`"),
+        (body.replace("cube.obj", "."), "is a folder, not a file"),
         ("\u{0}\u{1}".into(), "not TOML"),
         (String::new(), "neither a body nor a tool"),
         (
@@ -108,12 +114,37 @@ fn mistakes_in_a_scene() {
 }
 
 #[test]
+fn what_is_most_likely_a_mistake_is_noted() {
+    let folder = folder();
+    let file = folder.path().join("odd.toml");
+    let note = |scene: &str, words: &str| {
+        fs::write(&file, scene).unwrap();
+        let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1"]);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success() && said.contains(words), "expected `{words}` in: {said}");
+    };
+    let body = soft("surface = \"cube.obj\"", "{ cell = 0.5 }");
+    let large = "note: `body.a`: the body is 1.000e2 m across; if its lengths are in millimetres, give scale = 0.1";
+    note(&body.replace("surface", "scale = 100.0\nsurface"), large);
+    note(&body.replace("surface", "scale = 1e-5\nsurface"), "the body is 1.000e-5 m across; give a `scale`");
+    note(&format!("{body}[step]\ndt = 2\n"), "note: `step.dt`: a step of 2 s leaves out");
+}
+
+#[test]
 fn mistakes_on_the_command_line() {
     let folder = folder();
     let missing = folder.path().join("missing.toml");
     let output = palpate(&["run", missing.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("missing.toml: cannot be read"));
+    #[cfg(unix)]
+    {
+        let endless = palpate(&["run", "/dev/zero"]);
+        assert_eq!(endless.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&endless.stderr).contains("/dev/zero: is a pipe or a device"));
+    }
+    let hostile = palpate(&["run", "no\u{1b}[31m.toml"]);
+    assert!(String::from_utf8_lossy(&hostile.stderr).starts_with("error: no\\u{1b}[31m.toml: cannot be read"));
     fs::write(folder.path().join("binary.toml"), [0xff, 0xfe, 0x00]).unwrap();
     let binary = folder.path().join("binary.toml");
     assert_eq!(palpate(&["run", binary.to_str().unwrap()]).status.code(), Some(2));

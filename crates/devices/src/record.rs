@@ -16,6 +16,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use palpate::internal::files;
 use palpate::internal::haptics::servo::{Settings, Tick};
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::{ContactWrench, DeviceInput};
@@ -78,9 +79,7 @@ impl Header {
 
 /// SHA-256 of a scene file.
 pub fn digest(scene: &Path) -> Result<[u8; 32]> {
-    let bytes = std::fs::read(scene)
-        .map_err(|error| Error::input(scene, None, format!("cannot be read: {error}"), "give a scene file"))?;
-    Ok(Sha256::digest(bytes).into())
+    Ok(Sha256::digest(files::bytes(scene, files::MOST_TEXT, "give a scene file")?).into())
 }
 
 /// What the servo (the haptic loop's controller, called once a tick) was made with.

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use palpate::internal::files;
 use palpate::{Error, Result};
 
 /// What the force is measured over.
@@ -53,8 +54,8 @@ impl Measured {
     /// The file cannot be read, lacks such a line, or has a value that is no number.
     pub fn read(file: &Path) -> Result<Measured> {
         let wrong = |line: Option<usize>, problem: String| Error::input(file, line, problem, REMEDY);
-        let reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(file);
-        let mut reader = reader.map_err(|error| wrong(None, format!("cannot be read: {error}")))?;
+        let bytes = files::bytes(file, files::MOST_TEXT, REMEDY)?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
         let heads = reader.headers().map_err(|error| wrong(Some(1), format!("cannot be read: {error}")))?.clone();
         let columns: Vec<(String, String)> = heads.iter().map(name_and_unit).collect();
         let find = |name: &str| columns.iter().position(|(head, _)| head == name);

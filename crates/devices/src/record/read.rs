@@ -1,10 +1,10 @@
 //! Reads recordings of sessions with a haptic device back (`record.rs` describes the format: a header, then entries). A
 //! file may come from anywhere: nothing in it is trusted before it is checked.
 
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use palpate::internal::files;
 use palpate::{Error, Result};
 use serde::de::DeserializeOwned;
 
@@ -30,9 +30,7 @@ pub struct Recorded {
 impl Recorded {
     /// Opens a file and reads its header.
     pub fn open(path: &Path) -> Result<Recorded> {
-        let file =
-            File::open(path).map_err(|error| Error::input(path, None, format!("cannot be read: {error}"), REMEDY))?;
-        Recorded::read(path, BufReader::new(file))
+        Recorded::read(path, BufReader::new(files::open(path, REMEDY)?))
     }
 
     /// Reads the header of a recording from any source of bytes; `path` is the file's name in errors.
