@@ -2,8 +2,6 @@
 //! session (one run of the haptic loop) and records the session.
 
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use palpate::internal::haptics::Device;
 use palpate::internal::haptics::environment::Environment;
@@ -19,14 +17,8 @@ use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 use palpate_page::Reduced;
 
 use crate::engine::Engine;
+use crate::signals::Stop;
 use crate::tell;
-
-/// Signals that end a session in addition to those that end any program: SIGHUP (the terminal is closed) and SIGTSTP
-/// (the terminal suspends the program, which would leave the last force on the device).
-#[cfg(unix)]
-const OTHER_SIGNALS: &[i32] = &[signal_hook::consts::SIGHUP, signal_hook::consts::SIGTSTP];
-#[cfg(not(unix))]
-const OTHER_SIGNALS: &[i32] = &[];
 
 /// The built-in profile (limits of a haptic device: force, workspace and so on) that the scene names; if it names none,
 /// the profile whose name is the argument `default`.
@@ -143,7 +135,9 @@ pub fn hold(
     let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
     let device = device(scene, start)?;
     let mut recording = record.map(|path| recording(path, engine, scene, device.profile())).transpose()?;
-    let options = Options { seconds, shortest_step: scene.step.dt, stop: stopped_by_signals()?, bare_timer: true };
+    // A signal ends the session in order, and the device is released.
+    let stop = Stop::or_suspended()?;
+    let options = Options { seconds, shortest_step: scene.step.dt, stop: stop.flag(), bare_timer: true };
     let write = |moment: Moment| match (&mut recording, moment) {
         (_, Moment::Note(note)) => {
             tell(note);
@@ -171,16 +165,4 @@ fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> 
     }
     let header = Header::new(scene, engine.simulation(), profile.name, scene.haptics.device.name())?;
     Recording::create(path, &header)
-}
-
-/// A flag that the first terminating signal sets, so that the session ends in order and releases the device; a second
-/// signal ends the program at once.
-pub fn stopped_by_signals() -> Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let failed = |error| Error::Simulation(format!("cannot install signal handlers: {error}"));
-    for signal in signal_hook::consts::TERM_SIGNALS.iter().chain(OTHER_SIGNALS) {
-        signal_hook::flag::register_conditional_default(*signal, stop.clone()).map_err(failed)?;
-        signal_hook::flag::register(*signal, stop.clone()).map_err(failed)?;
-    }
-    Ok(stop)
 }

@@ -21,6 +21,7 @@ mod replay;
 mod report;
 mod run;
 mod selftest;
+mod signals;
 mod stability;
 #[cfg(feature = "view")]
 mod view;
@@ -30,14 +31,17 @@ use std::io::{IsTerminal, Write};
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
+use palpate::internal::printable;
 use palpate::{Error, Result};
 
 #[cfg(feature = "view")]
 pub use film::Look;
+pub use hold::device as haptic_device;
+pub use report::haptics::summary as session_summary;
 
 /// Feel soft bodies: deformable contact and haptic forces on any Vulkan 1.3 device.
 #[derive(Parser)]
-#[command(version)]
+#[command(name = "palpate", version)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -74,8 +78,10 @@ enum Command {
     Devices(devices::Arguments),
 }
 
-/// Runs the program with these arguments, its name first; returns the exit status.
+/// Runs the program with these arguments, its name first; returns the exit status. The process is the program's own: a
+/// signal may end it.
 pub fn program(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> u8 {
+    signals::this_is_the_program();
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
         Err(error) => return usage(&error),
@@ -126,7 +132,7 @@ fn usage(error: &clap::Error) -> u8 {
         let _ = error.print();
     } else {
         // A closed stderr is ignored; the exit status remains.
-        let _ = writeln!(std::io::stderr(), "{}", one_line(error));
+        let _ = writeln!(std::io::stderr(), "{}", printable(&one_line(error)));
     }
     error.exit_code() as u8
 }
@@ -140,7 +146,7 @@ fn one_line(error: &clap::Error) -> String {
 
 /// Writes a note for the user to standard error; if standard error is closed, the note is dropped.
 fn tell(note: &str) {
-    drop(writeln!(std::io::stderr(), "note: {note}"));
+    drop(writeln!(std::io::stderr(), "note: {}", printable(note)));
 }
 
 /// Writes a line of progress to standard error, if standard error is a terminal.
@@ -148,14 +154,14 @@ fn watch(what: &str) {
     let mut stderr = std::io::stderr();
     if stderr.is_terminal() {
         // A closed stderr does not stop a measurement.
-        drop(writeln!(stderr, "{what}"));
+        drop(writeln!(stderr, "{}", printable(what)));
     }
 }
 
 /// Prints to standard output. A closed pipe is not an error: its reader has read enough.
 fn print(text: &str) -> Result<()> {
     let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(printable(text).as_bytes()).and_then(|()| stdout.flush()) {
         Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::Output { file: "standard output".into(), source })
         }

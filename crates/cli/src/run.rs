@@ -20,6 +20,7 @@ use crate::report::haptics::Closing;
 use crate::report::page::{Page, Session, Shot};
 use crate::report::summary::{ClosingTable, RaisedFlags};
 use crate::report::{self, Output, Summary, Tally, Trace, curves};
+use crate::signals::Stop;
 use crate::{ending, hold, print, tell};
 
 /// Greatest number of threads that `--threads` accepts.
@@ -214,12 +215,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         steps_of(arguments, &scene)?
     };
     let mut engine = Engine::open(&scene, &arguments.device_options())?;
-    engine.notes().for_each(tell);
+    engine.simulation().notes().iter().for_each(|note| tell(note));
     if arguments.passes {
         engine.time_passes()?;
     }
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
-    let done = simulate(engine, &scene, &extent, arguments, output.as_mut())?;
+    let stop = Stop::new()?;
+    let done = simulate(engine, &stop, &scene, &extent, arguments, output.as_mut())?;
     let page = match output {
         None => "no page was written: give --out DIR for one".into(),
         Some(mut output) => {
@@ -238,7 +240,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         RaisedFlags(tally),
         ClosingTable { facts: &outcome.facts, tally },
         report.as_ref().map(|report| Closing(report).to_string()).unwrap_or_default()
-    ))
+    ))?;
+    match &done.interrupted {
+        Some(how) => {
+            let kept = arguments.out.as_ref().map(|out| format!("; what was done is in {}", out.display()));
+            Err(Error::Cancelled(format!("{how}{}", kept.unwrap_or_default())))
+        }
+        None => Ok(()),
+    }
 }
 
 /// The command line of this program in a form that a shell reads back.
@@ -259,7 +268,7 @@ fn quoted(word: &str) -> String {
 /// Prints which GPU passes a step has, which are left out, and why.
 fn explain(arguments: &Arguments, scene: &Scene, iterations: u32) -> Result<()> {
     let engine = Engine::open(scene, &arguments.device_options())?;
-    engine.notes().for_each(tell);
+    engine.simulation().notes().iter().for_each(|note| tell(note));
     let explanation = engine.simulation().explain(iterations);
     if let Some(folder) = &arguments.out {
         let mut output = Output::create(folder)?;
@@ -286,13 +295,16 @@ struct Done {
     played: Played,
     /// The body that is nearest to the tool at the end.
     nearest: Option<Distance>,
+    /// How a signal cut the run short, in words.
+    interrupted: Option<String>,
     /// Pictures of the state at the end, or the reason why there are none.
     pictures: std::result::Result<Vec<Shot>, String>,
 }
 
-/// Does all steps, and writes a row of the trace for each.
+/// Does all steps, or as many as there are before a signal sets `stop`, and writes a row of the trace for each.
 fn simulate(
     mut engine: Engine,
+    stop: &Stop,
     scene: &Scene,
     extent: &Extent,
     arguments: &Arguments,
@@ -326,7 +338,7 @@ fn simulate(
                 watch(&engine.step()?)?;
                 snapshots.after(k, &mut engine, output.as_deref_mut())
             };
-            (1..=*steps).try_for_each(&mut step).map(|()| None)
+            (1..=*steps).take_while(|_| !stop.is_set()).try_for_each(&mut step).map(|()| None)
         }
         Extent::Seconds(seconds) => {
             hold::hold(&mut engine, scene, *seconds, arguments.record.as_deref(), &mut watch, &mut played).map(Some)
@@ -334,6 +346,10 @@ fn simulate(
     }?;
     bar.finish_and_clear();
     let steps = tally.steps;
+    let interrupted = match extent {
+        Extent::Steps(all) if steps < *all => Some(format!("interrupted after {steps} of {all} steps")),
+        _ => None,
+    };
     if steps > 0 && tally.count(Flags::NON_FINITE) == steps {
         let problem = format!("none of the {steps} steps had a finite solution, and nothing moved");
         let remedy = "give less extreme sizes, masses, stiffnesses and time step";
@@ -346,8 +362,12 @@ fn simulate(
     let has_touched = tally.touch.as_ref().is_none_or(|touch| touch.first.is_some());
     let nearest = if has_touched { None } else { engine::nearest(engine.simulation(), &outcome.skins) };
     // Pictures come last, so that rendering changes nothing that was read before.
-    let pictures = if output.is_some() { ending::pictures(&mut engine, &tally) } else { Ok(Vec::new()) };
-    Ok(Done { tally, outcome, report, played, nearest, pictures })
+    let pictures = match (output.is_some(), &interrupted) {
+        (false, _) => Ok(Vec::new()),
+        (true, None) => ending::pictures(&mut engine, &tally),
+        (true, Some(_)) => Err("No picture was rendered, since the run was interrupted.".into()),
+    };
+    Ok(Done { tally, outcome, report, played, nearest, interrupted, pictures })
 }
 
 /// Images that are written at regular intervals: the number of steps from one image to the next, and the studio
@@ -413,7 +433,9 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
     }
     let haptics = report.as_ref().map(report::haptics::summary);
     let preset = scene.preset.clone();
-    let summary = Summary { haptics, preset, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
+    let interrupted = done.interrupted.clone();
+    let summary =
+        Summary { haptics, preset, interrupted, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
     output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))?;
     // The run's results are kept even if no page can be made of them.
     match page(output, scene, done) {
@@ -427,7 +449,7 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
 
 /// Makes the page of a run; `trace.csv`, from which the page's curves are made, is already written.
 fn page(output: &Output, scene: &Scene, done: &Done) -> Result<String> {
-    let Done { tally, outcome, report, played, nearest, pictures } = done;
+    let Done { tally, outcome, report, played, nearest, interrupted, pictures } = done;
     let unreadable = |error: csv::Error| Error::Output { file: output.path(TRACE), source: error.into() };
     let trace = BufReader::new(output.read(TRACE)?);
     let page = Page {
@@ -436,6 +458,7 @@ fn page(output: &Output, scene: &Scene, done: &Done) -> Result<String> {
         tally,
         curves: &curves::read(trace, tally.touch.as_ref()).map_err(unreadable)?,
         session: report.as_ref().map(|report| Session { report, played: &played.force }),
+        interrupted: interrupted.as_deref(),
         nearest: nearest.as_ref(),
         pictures: pictures.as_ref().map(Vec::as_slice).map_err(String::as_str),
         command: &command_line(),

@@ -26,6 +26,7 @@ use palpate_view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
 use winit::event_loop::EventLoop;
 
 use crate::report::{Output, Trace};
+use crate::signals::Stop;
 use crate::{hold, tell};
 use app::App;
 
@@ -96,9 +97,9 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     };
     crate::watch("preparing the scene");
     let simulation = Simulation::open(&scene, &options)?;
-    simulation.reports().flat_map(|(_, report)| &report.notes).for_each(|note| tell(note));
+    simulation.notes().iter().for_each(|note| tell(note));
     let context = simulation.context().clone();
-    let stop = hold::stopped_by_signals()?;
+    let stop = Stop::or_suspended()?;
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let trace = Shared::new(output.as_mut(), &simulation)?;
     let goal = (name == "mouse").then(Goal::default);
@@ -115,7 +116,7 @@ pub fn view(arguments: &Arguments) -> Result<()> {
         &events,
         Live::start(begin)?,
         context.clone(),
-        app::Setup { size, goal, folder, ends: extent != Extent::Endless, stop, scene },
+        app::Setup { size, goal, folder, ends: extent != Extent::Endless, stop: stop.flag(), scene },
     );
     let ran = events.run_app(&mut app).map_err(|error| Error::NoDevice(format!("the window failed: {error}")));
     let ended = app.end();

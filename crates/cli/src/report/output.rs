@@ -1,35 +1,53 @@
 //! A directory of results, whose files appear all together or not at all.
 //!
 //! Files are written into a hidden folder inside the directory and moved to their names by [`Output::commit`]. If an
-//! [`Output`] is dropped without a commit, nothing is left, not even the directory if it was made for the run. A killed
-//! process can leave the hidden folder, but never a half-written result.
+//! [`Output`] is dropped without a commit, or a signal ends the program, nothing is left, not even the directory if it
+//! was made for the run. A process that is killed (on Windows, interrupted) can leave the hidden folder, but never a half-written result; the next
+//! run with the same directory removes it. Two runs cannot write one directory at the same time.
 
-use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::fs::{self, File, TryLockError};
+use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use palpate::{Error, Result};
 
+use crate::signals::{Removed, Unfinished};
+
+/// Name of the hidden folder.
+const HIDDEN: &str = ".palpate-unfinished";
+/// Name of a file in the hidden folder that is locked as long as a run writes there.
+const LOCK: &str = "lock";
+/// Number of attempts to make the hidden folder while other runs end and remove theirs.
+const ATTEMPTS: u32 = 100;
+
 /// Files that are being written into a directory.
 pub struct Output {
     directory: PathBuf,
-    hidden: PathBuf,
-    /// Directories made for this run, outermost first.
-    made: Vec<PathBuf>,
+    hidden: Removed,
     names: Vec<String>,
-    is_committed: bool,
 }
 
 impl Output {
     /// Prepares to write into `directory`, which is made where it does not exist.
     pub fn create(directory: &Path) -> Result<Self> {
-        let hidden = directory.join(format!(".palpate-{}", std::process::id()));
+        let failed = |source| Error::Output { file: directory.into(), source };
+        if directory.is_symlink() && !directory.exists() {
+            return Err(failed(io::Error::new(ErrorKind::NotFound, "it is a link to nothing")));
+        }
+        let folder = directory.join(HIDDEN);
         let missing = directory.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
         let mut made: Vec<PathBuf> = missing.map(Into::into).collect();
         made.reverse();
-        let output = Output { directory: directory.into(), hidden, made, names: Vec::new(), is_committed: false };
-        fs::create_dir_all(&output.hidden).map_err(|source| Error::Output { file: directory.into(), source })?;
-        Ok(output)
+        let hidden = Removed::new(|| {
+            let lock = fs::create_dir_all(directory).and_then(|()| locked(&folder)).map_err(|source| {
+                for folder in made.iter().rev() {
+                    let _ = fs::remove_dir(folder);
+                }
+                failed(source)
+            })?;
+            Ok((Unfinished { folder, lock: LOCK, made }, lock))
+        })?;
+        Ok(Output { directory: directory.into(), hidden, names: Vec::new() })
     }
 
     /// A new file that will be called `name`.
@@ -40,17 +58,13 @@ impl Output {
         if self.path(name).is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
-        let file = File::create(self.hidden.join(name)).map_err(failed)?;
+        let file = File::create(self.hidden.folder().join(name)).map_err(failed)?;
         self.names.push(name.into());
         Ok(BufWriter::new(file))
     }
 
     /// Writes a whole file that will be called `name`.
-    pub fn write(
-        &mut self,
-        name: &str,
-        contents: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-    ) -> Result<()> {
+    pub fn write(&mut self, name: &str, contents: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
         let mut file = self.file(name)?;
         contents(&mut file)
             .and_then(|()| file.flush())
@@ -59,7 +73,7 @@ impl Output {
 
     /// Opens a file of this output that was written already, to read it.
     pub fn read(&self, name: &str) -> Result<File> {
-        File::open(self.hidden.join(name)).map_err(|source| Error::Output { file: self.path(name), source })
+        File::open(self.hidden.folder().join(name)).map_err(|source| Error::Output { file: self.path(name), source })
     }
 
     /// Path at which a file called `name` will be after the commit.
@@ -69,32 +83,79 @@ impl Output {
 
     /// Moves every file to its final name, in the order in which the files were made; older files of these names are
     /// replaced.
-    pub fn commit(mut self) -> Result<()> {
-        for name in &self.names {
-            let target = self.path(name);
-            fs::rename(self.hidden.join(name), &target).map_err(|source| Error::Output { file: target, source })?;
-        }
-        self.is_committed = true;
-        Ok(())
+    pub fn commit(self) -> Result<()> {
+        let Output { directory, hidden, names, .. } = self;
+        hidden.finish(|folder| {
+            names.iter().try_for_each(|name| {
+                let target = directory.join(name);
+                fs::rename(folder.join(name), &target).map_err(|source| Error::Output { file: target, source })
+            })
+        })
     }
 }
 
-impl Drop for Output {
-    /// Removes the hidden folder, and without a commit also those directories made for the run that are empty. What
-    /// cannot be removed stays, and is not an error.
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.hidden);
-        if !self.is_committed {
-            for directory in self.made.iter().rev() {
-                let _ = fs::remove_dir(directory);
-            }
+/// Makes the hidden folder and locks it. Of a run that was killed it holds unfinished files, which are removed. Returns
+/// the locked file; `None` on a file system without locks.
+fn locked(folder: &Path) -> io::Result<Option<File>> {
+    let foreign = || io::Error::new(ErrorKind::AlreadyExists, format!("it has a {HIDDEN} that is not this program's"));
+    for _ in 0..ATTEMPTS {
+        let is_new = match fs::create_dir(folder) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => false,
+            made => made.map(|()| true)?,
+        };
+        let path = folder.join(LOCK);
+        let is_own = is_new || path.is_file() || fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
+        if folder.is_symlink() || folder.is_dir() && !is_own {
+            return Err(foreign());
         }
+        let lock = match File::options().create(true).truncate(false).write(true).open(&path) {
+            // Another run has just ended, and removed the folder.
+            Err(error) if error.kind() == ErrorKind::NotFound => continue,
+            Err(error) => {
+                let _ = fs::remove_dir(folder);
+                return Err(error);
+            }
+            Ok(lock) => lock,
+        };
+        let lock = match lock.try_lock() {
+            Ok(()) if is_at(&lock, &path) => Some(lock),
+            Ok(()) => continue,
+            Err(TryLockError::WouldBlock) => {
+                return Err(io::Error::new(ErrorKind::ResourceBusy, "another run is writing there now"));
+            }
+            Err(TryLockError::Error(_)) => None,
+        };
+        for entry in fs::read_dir(folder)?.flatten().filter(|entry| entry.file_name() != LOCK) {
+            fs::remove_file(entry.path())?;
+        }
+        return Ok(lock);
+    }
+    Err(io::Error::new(ErrorKind::ResourceBusy, "other runs write there all the time"))
+}
+
+/// Whether the file that was opened is still the one at this path.
+fn is_at(file: &File, path: &Path) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let (Ok(opened), Ok(there)) = (file.metadata(), fs::metadata(path)) else { return false };
+        (opened.dev(), opened.ino()) == (there.dev(), there.ino())
+    }
+    #[cfg(not(unix))]
+    {
+        // Here a file that is open cannot be replaced.
+        let _ = file;
+        path.exists()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn refusal(directory: &Path) -> String {
+        Output::create(directory).err().unwrap().to_string()
+    }
 
     fn names(directory: &Path) -> Vec<String> {
         let entries = fs::read_dir(directory).unwrap();
@@ -128,6 +189,59 @@ mod tests {
         fs::write(root.path().join("mine"), "").unwrap();
         drop(Output::create(root.path()).unwrap());
         assert_eq!(names(root.path()), ["mine"]);
+    }
+
+    #[test]
+    fn a_second_run_is_refused_until_the_first_ends() {
+        let root = tempfile::tempdir().unwrap();
+        let first = Output::create(root.path()).unwrap();
+        let refused = refusal(root.path());
+        assert!(refused.contains("another run is writing there now"), "wrong error: {refused}");
+        drop(first);
+        Output::create(root.path()).unwrap().commit().unwrap();
+        assert!(names(root.path()).is_empty());
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed() {
+        let root = tempfile::tempdir().unwrap();
+        fs::create_dir(root.path().join(HIDDEN)).unwrap();
+        for name in ["trace.csv", LOCK] {
+            fs::write(root.path().join(HIDDEN).join(name), "half").unwrap();
+        }
+        let mut output = Output::create(root.path()).unwrap();
+        assert_eq!(names(&root.path().join(HIDDEN)), [LOCK]);
+        output.write("x.csv", |w| writeln!(w, "x")).unwrap();
+        output.commit().unwrap();
+        assert_eq!(names(root.path()), ["x.csv"]);
+    }
+
+    #[test]
+    fn a_folder_of_the_same_name_that_is_not_the_programs_is_left_alone() {
+        let root = tempfile::tempdir().unwrap();
+        let hidden = root.path().join(HIDDEN);
+        fs::create_dir(&hidden).unwrap();
+        fs::write(hidden.join("mine"), "").unwrap();
+        assert!(refusal(root.path()).contains("that is not this program's"));
+        assert_eq!(names(&hidden), ["mine"]);
+        #[cfg(unix)]
+        {
+            fs::remove_dir_all(&hidden).unwrap();
+            let elsewhere = tempfile::tempdir().unwrap();
+            fs::write(elsewhere.path().join(LOCK), "mine").unwrap();
+            std::os::unix::fs::symlink(elsewhere.path(), &hidden).unwrap();
+            assert!(refusal(root.path()).contains("that is not this program's"));
+            assert_eq!(fs::read_to_string(elsewhere.path().join(LOCK)).unwrap(), "mine");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_nothing_is_an_error_that_says_so() {
+        let root = tempfile::tempdir().unwrap();
+        let link = root.path().join("link");
+        std::os::unix::fs::symlink(root.path().join("none"), &link).unwrap();
+        assert!(refusal(&link).contains("link to nothing"));
     }
 
     #[test]

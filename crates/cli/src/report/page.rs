@@ -29,6 +29,8 @@ pub struct Page<'a> {
     pub curves: &'a Curves,
     /// The session; `None` if the run had no haptic device.
     pub session: Option<Session<'a>>,
+    /// How a signal cut the run short, in words.
+    pub interrupted: Option<&'a str>,
     /// The body that was nearest to the tool at the end, if the tool never touched anything.
     pub nearest: Option<&'a Distance>,
     /// Pictures of the state at the end of the run, or the reason why there are none.
@@ -75,12 +77,15 @@ impl Page<'_> {
     fn write_flags(&self, body: &mut String) {
         let ended = self.session.as_ref().and_then(|session| session.report.ended.as_deref());
         let raised: Vec<_> = self.tally.raised().collect();
-        if raised.is_empty() && ended.is_none() {
+        if raised.is_empty() && ended.is_none() && self.interrupted.is_none() {
             return;
         }
         body.push_str("<section class=\"flags\">\n<h2>What went wrong</h2>\n");
         for (words, count) in raised {
             paragraph(body, words, &format!("in {count} of {} steps", self.tally.steps));
+        }
+        if let Some(how) = self.interrupted {
+            let _ = writeln!(body, "<p><b>The run was {}</b>.</p>", escaped(how));
         }
         if let Some(reason) = ended {
             let _ = writeln!(body, "<p><b>The session ended early</b>: {}</p>", escaped(reason));

@@ -153,6 +153,9 @@ pub struct Summary {
     pub scene: String,
     /// Number of steps done.
     pub steps: u64,
+    /// How a signal cut the run short, in words; left out if it did not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interrupted: Option<String>,
     /// Time step, s.
     pub dt_s: f64,
     /// `median` and `p99` (99th percentile) of the time of each stage, and of the whole `step` (wall time),
@@ -208,6 +211,7 @@ impl Summary {
             arrays: facts.arrays.clone(),
             scene: scene.into(),
             steps: tally.steps,
+            interrupted: None,
             dt_s: dt,
             stage_us,
             passes_per_step: facts.passes_per_step,

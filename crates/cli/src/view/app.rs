@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use palpate::internal::gpu::Window;
 use palpate::internal::prepare::bodies::Bodies;
+use palpate::scene::ToolShape;
 use palpate::{Context, Error, Result, Scene};
 use palpate_devices::mouse::Goal;
 use palpate_view::live::{Command, Live, State};
@@ -308,7 +309,11 @@ impl ApplicationHandler<Said> for App {
         }
         let edge = f64::from(window.inner_size().width) - f64::from(WIDTH) * window.scale_factor();
         let size = self.size();
-        self.hand.hear(&event, edge, &mut self.camera, self.setup.goal.as_ref(), size);
+        let radius = match self.setup.scene.tool.as_ref().map(|tool| &tool.shape) {
+            Some(ToolShape::Sphere(radius)) => Some(*radius),
+            _ => None,
+        };
+        self.hand.hear(&event, edge, &mut self.camera, self.setup.goal.as_ref(), radius, size);
         match event {
             WindowEvent::CloseRequested => events.exit(),
             WindowEvent::DroppedFile(file) => {

@@ -12,6 +12,9 @@ const ORBIT: f64 = 0.006;
 const ZOOM: f64 = 0.9;
 /// Movement of the held tool into the image per notch of the wheel, as a share of the camera's distance.
 const DEPTH: f64 = 0.01;
+/// Greatest movement per notch, as a share of the radius of a tool that is a sphere: one notch must not push the whole
+/// tool through a skin.
+const SHALLOW: f64 = 0.25;
 /// Number of pixels that count as a notch of the wheel, for touch pads, which report pixels.
 const NOTCH: f64 = 40.0;
 /// Turn of the tool per key press, rad.
@@ -30,7 +33,16 @@ pub struct Hand {
 impl Hand {
     /// Handles an event; `goal` is the tool's goal pose, if the mouse moves the tool. Events over the panel (texts and
     /// sliders), which begins `edge` pixels from the left, belong to the panel, except releases of buttons.
-    pub fn hear(&mut self, event: &WindowEvent, edge: f64, camera: &mut Camera, goal: Option<&Goal>, size: [u32; 2]) {
+    /// `radius`: that of the tool if it is a sphere, m.
+    pub fn hear(
+        &mut self,
+        event: &WindowEvent,
+        edge: f64,
+        camera: &mut Camera,
+        goal: Option<&Goal>,
+        radius: Option<f64>,
+        size: [u32; 2],
+    ) {
         // The panel itself is not asked whether the cursor is over it: until the panel is laid out again, it knows only
         // an earlier position of the cursor.
         let over_panel = self.cursor.x >= edge;
@@ -66,7 +78,7 @@ impl Hand {
                     MouseScrollDelta::PixelDelta(by) => by.y / NOTCH,
                 };
                 match goal.filter(|_| self.tool) {
-                    Some(goal) => goal.shift(notches * DEPTH * camera.distance * camera.axes().forward),
+                    Some(goal) => goal.shift(notches * notch(camera.distance, radius) * camera.axes().forward),
                     None => camera.zoom(ZOOM.powf(notches), self.cursor.x, self.cursor.y, size[0], size[1]),
                 }
             }
@@ -94,6 +106,11 @@ impl Hand {
     }
 }
 
+/// Movement of the held tool per notch of the wheel, m.
+fn notch(distance: f64, radius: Option<f64>) -> f64 {
+    (DEPTH * distance).min(SHALLOW * radius.unwrap_or(f64::INFINITY))
+}
+
 /// The axis about which a key turns the tool, one of the camera's axes; zero if the key does not turn the tool.
 fn turn_of(code: KeyCode, camera: &Camera) -> DVec3 {
     let axes = camera.axes();
@@ -105,5 +122,17 @@ fn turn_of(code: KeyCode, camera: &Camera) -> DVec3 {
         KeyCode::KeyQ => -axes.forward,
         KeyCode::KeyE => axes.forward,
         _ => DVec3::ZERO,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_notch_of_the_wheel_moves_no_tool_through_a_skin() {
+        assert_eq!(notch(0.8, Some(0.01)), 0.0025);
+        assert_eq!(notch(0.1, Some(0.01)), 0.001);
+        assert_eq!(notch(0.8, None), 0.008);
     }
 }

@@ -16,6 +16,8 @@ use palpate_view::turns::Delays;
 pub const WIDTH: f32 = 250.0;
 /// Simulated time that the force plot covers, s.
 const SPAN: f64 = 4.0;
+/// Distance between hand and tool above which the panel says so, m.
+const FAR: f64 = 0.01;
 /// Height of the force plot, points.
 const TRACE: f32 = 56.0;
 /// Least time between two commands of a slider that is being dragged: setting a material takes as long as a few steps.
@@ -159,6 +161,13 @@ impl Panel {
         if let Some(tool) = &row.tool {
             let (force, torque) = (tool.force.length(), tool.torque.length());
             ui.label(format!("force {force:.3} N   torque {:.2} mN m", 1e3 * torque));
+            let behind = tool.device.position.distance(tool.tool.position);
+            if behind > FAR {
+                let words = format!("the tool is {:.0} mm behind the hand", 1e3 * behind);
+                let meaning = "It cannot follow through what it touches. Far behind, it may be drawn into a body, out of \
+                               sight: move the hand back, or press r to reset.";
+                ui.colored_label(Color32::LIGHT_RED, words).on_hover_text(meaning);
+            }
             self.trace(ui);
         }
         let depth = 1e3 * row.max_depth.unwrap_or(0.0);
