@@ -10,8 +10,8 @@
 use std::ffi::{CString, c_char, c_void};
 
 use glam::DVec3;
-use palpate::internal::prepare::Cache;
 use palpate::internal::prepare::bodies::Progress;
+use palpate::internal::prepare::{Cache, Stage};
 use palpate::{Error, Result, Scene};
 
 use super::context::cache_folder;
@@ -25,13 +25,14 @@ use super::{handles, tables};
 /// relative paths in a text that is added to the scene are relative to the working directory.
 const FILE: &str = "scene";
 
-/// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the name of the body that is
-/// being prepared, or "tool". `stage` is "cache" (the cache is searched for the prepared body), "read" (the surface is
-/// read), "repair" (the surface is repaired), "layer" (tetrahedra are made), "embed" (the skin is embedded in the
-/// tetrahedra), "proxies" (convex hulls are made) or "bind" (nodes are attached to rigid cores). `done` is the number
-/// of bodies that are ready and `total` that of all bodies; a tool that is not one of the bodies counts as one more
-/// body. The strings are valid until the callback returns. Return 0 to continue, anything else to cancel. While the
-/// callback runs, calls on the scene give PALPATE_STATUS_BUSY. The callback must return: no longjmp, and no exception.
+/// Progress callback of `palpate_scene_prepare` and of `palpate_simulation_create_with_progress`, called as each stage
+/// begins. `body` is the name of the body that is being prepared, or "tool". `stage` is "cache" (the cache is searched
+/// for the prepared body), "read" (the surface is read), "repair" (the surface is repaired), "layer" (tetrahedra are
+/// made), "embed" (the skin is embedded in the tetrahedra), "proxies" (convex hulls are made), "bind" (nodes are attached
+/// to rigid cores) or "ready" (the body is ready). `done` is the number of bodies that are ready and `total` that of all
+/// bodies; a tool that is not one of the bodies counts as one more body. The strings are valid until the callback
+/// returns. Return 0 to continue, anything else to cancel. While the callback of `palpate_scene_prepare` runs, calls on
+/// the scene give PALPATE_STATUS_BUSY. The callback must return: no longjmp, and no exception.
 pub type palpate_progress = Option<
     unsafe extern "C" fn(user: *mut c_void, body: *const c_char, stage: *const c_char, done: u32, total: u32) -> i32,
 >;
@@ -199,7 +200,7 @@ pub unsafe extern "C" fn palpate_scene_cache(scene: *mut palpate_scene, folder: 
 
 /// Prepares the bodies of a scene: repairs surfaces, fills them with tetrahedra, and does the other stages that
 /// palpate_progress lists. This takes seconds, unless prepared bodies are found in the cache (palpate_scene_cache).
-/// Bodies that were not prepared by this call are prepared by palpate_simulation_create, without a progress callback.
+/// Bodies that were not prepared by this call are prepared when a simulation is made.
 /// `progress` is called with `user` on this thread as each stage begins; it may be null. If the callback cancels
 /// (PALPATE_STATUS_CANCELLED), bodies that are ready stay ready, and the next call continues with the others.
 #[unsafe(no_mangle)]
@@ -211,22 +212,33 @@ pub unsafe extern "C" fn palpate_scene_prepare(
     guarded(|| change(scene, |object| Ok(object.prepare(&mut |state| tell(progress, user, &state))?)))
 }
 
-fn tell(progress: palpate_progress, user: *mut c_void, state: &Progress) -> Result<()> {
-    let Some(progress) = progress else { return Ok(()) };
-    let [body, stage] = [state.name, state.stage.name()].map(|text| CString::new(text).unwrap_or_default());
-    // SAFETY: the header demands a callback that may be called with this `user`; the strings live until it returns.
-    let wish = unsafe { progress(user, body.as_ptr(), stage.as_ptr(), state.done as u32, state.total as u32) };
-    match wish {
-        0 => Ok(()),
-        _ => {
-            let place = format!(
-                "the callback cancelled the preparation before stage `{}` of `{}`",
-                state.stage.name(),
-                state.name
-            );
-            Err(Error::Cancelled(format!("{place}; call again to continue")))
-        }
+/// Calls the progress callback, if there is one, as a stage of a body's preparation begins.
+pub(super) fn tell(progress: palpate_progress, user: *mut c_void, state: &Progress) -> Result<()> {
+    let (name, stage) = (state.name, state.stage.name());
+    if wants_more(progress, user, [name, stage], [state.done, state.total]) {
+        return Ok(());
     }
+    let place = match state.stage {
+        Stage::Ready => format!("when `{name}` was ready"),
+        _ => format!("before stage `{stage}` of `{name}`"),
+    };
+    Err(Error::Cancelled(format!("the callback cancelled the preparation {place}")))
+}
+
+/// Calls the progress callback, if there is one, before a GPU kernel is compiled, after `done` others.
+pub(super) fn tell_of_kernels(progress: palpate_progress, user: *mut c_void, done: usize) -> Result<()> {
+    if wants_more(progress, user, ["", "kernels"], [done, 0]) {
+        return Ok(());
+    }
+    Err(Error::Cancelled(format!("the callback cancelled the work after {done} GPU kernels")))
+}
+
+fn wants_more(progress: palpate_progress, user: *mut c_void, texts: [&str; 2], counts: [usize; 2]) -> bool {
+    let Some(progress) = progress else { return true };
+    let [body, stage] = texts.map(|text| CString::new(text).unwrap_or_default());
+    let [done, total] = counts.map(|count| count as u32);
+    // SAFETY: the header demands a callback that may be called with this `user`; the strings live until it returns.
+    unsafe { progress(user, body.as_ptr(), stage.as_ptr(), done, total) == 0 }
 }
 
 /// Reads a struct that must not be null.

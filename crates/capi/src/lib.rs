@@ -14,26 +14,45 @@
 // top of palpate.h, whose text is in `cbindgen.toml`.
 #![allow(clippy::missing_safety_doc)]
 
-pub mod build;
-pub mod change;
-pub mod context;
-pub mod describe;
 mod handles;
-pub mod haptic_device;
-pub mod haptic_loop;
-pub mod host;
-pub mod log;
-pub mod loop_options;
-pub mod loop_state;
-pub mod scene;
-pub mod shown;
-pub mod simulation;
 mod sized;
-pub mod state;
-pub mod statistics;
-pub mod status;
-pub mod steps;
 mod tables;
+
+// The header has the functions in this order, which is that of their use. Blank lines keep it: the formatter sorts what
+// stands together.
+pub mod status;
+
+pub mod log;
+
+pub mod context;
+
+pub mod host;
+
+pub mod scene;
+
+pub mod describe;
+
+pub mod build;
+
+pub mod simulation;
+
+pub mod steps;
+
+pub mod state;
+
+pub mod statistics;
+
+pub mod change;
+
+pub mod shown;
+
+pub mod haptic_device;
+
+pub mod loop_options;
+
+pub mod haptic_loop;
+
+pub mod loop_state;
 
 use std::ffi::c_char;
 

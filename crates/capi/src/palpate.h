@@ -40,6 +40,26 @@
 // relies on changes its meaning or is removed. A program should compare it with the result of `palpate_abi()`.
 #define PALPATE_ABI 1
 
+// Level of a message: a note about what the library chose, or about defects of files that it repaired.
+#define PALPATE_LOG_NOTE 0
+
+// Level of a message: a warning of the Vulkan validation layer.
+#define PALPATE_LOG_WARNING 1
+
+// Level of a message: an error of the Vulkan validation layer.
+#define PALPATE_LOG_ERROR 2
+
+// Feature of a lent device, for `enabled` of palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
+#define PALPATE_VULKAN_INT64_ATOMICS 1
+
+// Feature of a lent device, for `enabled` of palpate_vulkan: fragmentStoresAndAtomics is enabled, so that the library
+// may use the rasterizer to compute penetration depths.
+#define PALPATE_VULKAN_FRAGMENT_STORES 2
+
+// Feature of a lent device, for `enabled` of palpate_vulkan: VK_KHR_external_memory_fd is enabled, so that skins
+// (surface meshes of bodies) can be exported.
+#define PALPATE_VULKAN_EXTERNAL_MEMORY_FD 4
+
 // Kind of motion of a rigid core or of a rigid body: fixed, that is, the core or body does not move.
 #define PALPATE_MOTION_FIXED 0
 
@@ -63,25 +83,52 @@
 // nearly incompressible materials (Poisson's ratio near 0.5).
 #define PALPATE_DILATATION_PATCH 1
 
-// Feature of a lent device, for `enabled` of palpate_vulkan: shaderInt64 and shaderBufferInt64Atomics are enabled.
-#define PALPATE_VULKAN_INT64_ATOMICS 1
+// Flag of a step: at the end of the solve the residual is far above the solver's tolerance, and also far above what
+// single precision can reach.
+#define PALPATE_FLAG_NOT_CONVERGED 1
 
-// Feature of a lent device, for `enabled` of palpate_vulkan: fragmentStoresAndAtomics is enabled, so that the library
-// may use the rasterizer to compute penetration depths.
-#define PALPATE_VULKAN_FRAGMENT_STORES 2
+// Flag of a step: the arrays have too little room for the contact patches (places where two bodies may touch, with one
+// normal each).
+#define PALPATE_FLAG_REGION_OVERFLOW 2
 
-// Feature of a lent device, for `enabled` of palpate_vulkan: VK_KHR_external_memory_fd is enabled, so that skins
-// (surface meshes of bodies) can be exported.
-#define PALPATE_VULKAN_EXTERNAL_MEMORY_FD 4
+// Flag of a step: the arrays have too little room for the contacts, or for the hits of the rays that search for them.
+#define PALPATE_FLAG_CONTACT_OVERFLOW 4
 
-// Level of a message: a note about what the library chose, or about defects of files that it repaired.
-#define PALPATE_LOG_NOTE 0
+// Flag of a step: a contact was deeper than the scene's `depth_limit`.
+#define PALPATE_FLAG_DEPTH_BEYOND_LIMIT 8
 
-// Level of a message: a warning of the Vulkan validation layer.
-#define PALPATE_LOG_WARNING 1
+// Flag of a step: a skin (surface mesh) folds over itself along the normal of a contact patch, so that the penetration
+// depth is not unique there.
+#define PALPATE_FLAG_NOT_A_HEIGHT_FIELD 16
 
-// Level of a message: an error of the Vulkan validation layer.
-#define PALPATE_LOG_ERROR 2
+// Flag of a step: a number was not finite, so the step was repeated (PALPATE_FLAG_STEP_RETRIED) or given up
+// (PALPATE_FLAG_FROZEN).
+#define PALPATE_FLAG_NON_FINITE 32
+
+// Flag of a step: the step failed and was repeated as several shorter time steps.
+#define PALPATE_FLAG_STEP_RETRIED 64
+
+// Flag of a step: the step failed with shorter time steps too, so everything that forces move was stopped where it
+// was.
+#define PALPATE_FLAG_FROZEN 128
+
+// Flag of a step: contacts under tension were released, but after the last release other contacts are under tension.
+#define PALPATE_FLAG_ADHESIVE_DROPPED_TWICE 256
+
+// Flag of a step: a body, or a rigid core in it, turned so far within the step that the body may gain energy.
+#define PALPATE_FLAG_TURNS_TOO_FAR 512
+
+// Flag of a step: a tetrahedron was inverted, or pressed so flat that its rotation was not found.
+#define PALPATE_FLAG_INVERTED 1024
+
+// Flag of a step: the Newton iterations left much of the step's nonlinear equations unsolved.
+#define PALPATE_FLAG_NEWTON_NOT_CONVERGED 2048
+
+// The array that palpate_skin_export exports: the positions of skin vertices.
+#define PALPATE_SKIN_POSITIONS 0
+
+// The array that palpate_skin_export exports: the normals of skin vertices.
+#define PALPATE_SKIN_NORMALS 1
 
 // Event of a tick (one iteration of the haptic loop): the haptic device could not be read or written; no force is
 // played on it.
@@ -142,53 +189,6 @@
 // Event of a tick: the contact force changes to that of the newest wrench more slowly than usual, because the contact
 // of that wrench stores more energy than the user's hand has supplied.
 #define PALPATE_EVENT_UNPAID 65536
-
-// The array that palpate_skin_export exports: the positions of skin vertices.
-#define PALPATE_SKIN_POSITIONS 0
-
-// The array that palpate_skin_export exports: the normals of skin vertices.
-#define PALPATE_SKIN_NORMALS 1
-
-// Flag of a step: at the end of the solve the residual is far above the solver's tolerance, and also far above what
-// single precision can reach.
-#define PALPATE_FLAG_NOT_CONVERGED 1
-
-// Flag of a step: the arrays have too little room for the contact patches (places where two bodies may touch, with one
-// normal each).
-#define PALPATE_FLAG_REGION_OVERFLOW 2
-
-// Flag of a step: the arrays have too little room for the contacts, or for the hits of the rays that search for them.
-#define PALPATE_FLAG_CONTACT_OVERFLOW 4
-
-// Flag of a step: a contact was deeper than the scene's `depth_limit`.
-#define PALPATE_FLAG_DEPTH_BEYOND_LIMIT 8
-
-// Flag of a step: a skin (surface mesh) folds over itself along the normal of a contact patch, so that the penetration
-// depth is not unique there.
-#define PALPATE_FLAG_NOT_A_HEIGHT_FIELD 16
-
-// Flag of a step: a number was not finite, so the step was repeated (PALPATE_FLAG_STEP_RETRIED) or given up
-// (PALPATE_FLAG_FROZEN).
-#define PALPATE_FLAG_NON_FINITE 32
-
-// Flag of a step: the step failed and was repeated as several shorter time steps.
-#define PALPATE_FLAG_STEP_RETRIED 64
-
-// Flag of a step: the step failed with shorter time steps too, so everything that forces move was stopped where it
-// was.
-#define PALPATE_FLAG_FROZEN 128
-
-// Flag of a step: contacts under tension were released, but after the last release other contacts are under tension.
-#define PALPATE_FLAG_ADHESIVE_DROPPED_TWICE 256
-
-// Flag of a step: a body, or a rigid core in it, turned so far within the step that the body may gain energy.
-#define PALPATE_FLAG_TURNS_TOO_FAR 512
-
-// Flag of a step: a tetrahedron was inverted, or pressed so flat that its rotation was not found.
-#define PALPATE_FLAG_INVERTED 1024
-
-// Flag of a step: the Newton iterations left much of the step's nonlinear equations unsolved.
-#define PALPATE_FLAG_NEWTON_NOT_CONVERGED 2048
 
 // Result of a call. If a call returns another status than PALPATE_STATUS_OK, it changed nothing, unless the
 // description of the function says otherwise, and `palpate_last_error` returns one line that describes the error and
@@ -277,6 +277,103 @@ typedef struct palpate_scene palpate_scene;
 
 // A simulation, which moves the bodies and the tool of a scene step by step.
 typedef struct palpate_simulation palpate_simulation;
+
+// A Vulkan device of this machine. Strings that are too long for their arrays are cut off; all end with a zero byte.
+typedef struct palpate_device {
+    // Kind of the device.
+    palpate_device_kind kind;
+    // 1: palpate can use the device; 0: palpate cannot use it, and `reason` says why.
+    uint32_t usable;
+    // The driver's name for the device. `device` in palpate_context_options takes this name, a part of it, or the
+    // position of the device in the list of `palpate_devices`, from 0.
+    char name[256];
+    // Name and version of the driver.
+    char driver[256];
+    // Why palpate cannot use the device; "" where it can.
+    char reason[256];
+} palpate_device;
+
+// Log callback: receives `user`, the pointer that was given along with the callback; `level`, one of PALPATE_LOG_*;
+// and `message`, one line of text that is valid until the callback returns. The callback may be called on any thread,
+// within a call of this library or of the Vulkan driver. It must not call the library, and must return normally, not
+// by longjmp or an exception.
+typedef void (*palpate_log)(void *user, uint32_t level, const char *message);
+
+// Options for opening a context. In every field but `size`, zero (or null) is the default.
+typedef struct palpate_context_options {
+    // Size of the struct in bytes: sizeof(palpate_context_options).
+    uint32_t size;
+    // 1: switches the Khronos validation layer on, with synchronisation validation; its messages go to `log`. This is
+    // slow. 0: off.
+    uint32_t validation;
+    // Device to open: its position in the list of `palpate_devices`, from 0, as a decimal number, or part of its name;
+    // null: the first usable one in the order discrete GPU, integrated GPU, virtual GPU, CPU.
+    const char *device;
+    // Callback that receives the library's messages; null: they are discarded.
+    palpate_log log;
+    // Pointer that is passed to `log`.
+    void *log_user;
+    // Folder where prepared bodies, compiled pipelines and measurements of devices are kept for later runs; "": the
+    // user's cache folder (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
+    const char *cache;
+    // 1: the library measures which of two implementations is faster on the device, where the scene does not choose:
+    // arrays read through texel or through storage buffers, and penetration depths computed by compute or by graphics
+    // pipelines. It measures once per context, or once per device if there is a cache. 0: the library does not
+    // measure.
+    uint32_t measure;
+    // Number of threads that lavapipe (Mesa's Vulkan driver for CPUs) uses in addition to the calling one; -1: none.
+    // Any value but 0 sets the environment variable LP_NUM_THREADS in palpate_context_create, unless the environment
+    // has it already; during that call no other thread of the process may read or write the environment. 0: the
+    // environment stays as it is. Other drivers ignore LP_NUM_THREADS.
+    int32_t threads;
+} palpate_context_options;
+
+// Callback that takes or releases the calling program's lock around its queue.
+typedef void (*palpate_queue_lock)(void *user);
+
+// A Vulkan device that the calling program opened. Its instance must have been created for Vulkan 1.3, and the device
+// with the features scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All handles must stay
+// valid until the context made from them and the last simulation on that context are gone.
+typedef struct palpate_vulkan {
+    // Size of the struct in bytes: sizeof(palpate_vulkan).
+    uint32_t size;
+    // Further features that the device was created with: a sum of PALPATE_VULKAN_*. Do not add a feature that is not
+    // enabled.
+    uint32_t enabled;
+    // vkGetInstanceProcAddr of the Vulkan loader that the handles come from; null: the system's loader is opened.
+    void (*get_instance_proc_addr)(void);
+    // The program's VkInstance.
+    void *instance;
+    // The VkPhysicalDevice of `device`.
+    void *physical_device;
+    // The program's VkDevice.
+    void *device;
+    // A VkQueue of `device`. The library submits to the queue in every call that steps a simulation or copies its
+    // data, and waits for that work.
+    void *queue;
+    // Index of the queue's family, which must have graphics and compute.
+    uint32_t queue_family;
+    // Reserved: must be 0.
+    uint32_t reserved;
+    // Takes the program's lock before each use of the queue; `unlock` releases the lock afterwards on the same thread,
+    // which may be any thread. The lock is held only briefly. Neither callback may call the library, and the program
+    // must not hold the lock when it calls the library, unless the lock is recursive. If both callbacks are null, the
+    // program must not use the queue during any call of the library, and must create at most one context on the queue.
+    palpate_queue_lock lock;
+    // Releases the program's lock; see `lock`.
+    palpate_queue_lock unlock;
+    // Pointer that is passed to `lock` and `unlock`.
+    void *lock_user;
+    // Callback that receives the library's messages; null: they are discarded.
+    palpate_log log;
+    // Pointer that is passed to `log`.
+    void *log_user;
+    // Cache folder; see `cache` in palpate_context_options.
+    const char *cache;
+    // 1: where the library has two implementations of a computation, it measures which is faster on the device; see
+    // `measure` in palpate_context_options.
+    uint32_t measure;
+} palpate_vulkan;
 
 // Settings of a whole scene: the tables `[step]`, `[solver]` and `[contact]` of a scene file. In every field but
 // `size`, zero is the default. A projected area is an area of a body's surface projected along the contact normal.
@@ -470,14 +567,60 @@ typedef struct palpate_tool {
     double angular_damping;
 } palpate_tool;
 
-// Progress callback of `palpate_scene_prepare`, called as each stage begins. `body` is the name of the body that is
-// being prepared, or "tool". `stage` is "cache" (the cache is searched for the prepared body), "read" (the surface is
-// read), "repair" (the surface is repaired), "layer" (tetrahedra are made), "embed" (the skin is embedded in the
-// tetrahedra), "proxies" (convex hulls are made) or "bind" (nodes are attached to rigid cores). `done` is the number
-// of bodies that are ready and `total` that of all bodies; a tool that is not one of the bodies counts as one more
-// body. The strings are valid until the callback returns. Return 0 to continue, anything else to cancel. While the
-// callback runs, calls on the scene give PALPATE_STATUS_BUSY. The callback must return: no longjmp, and no exception.
+// Progress callback of `palpate_scene_prepare` and of `palpate_simulation_create_with_progress`, called as each stage
+// begins. `body` is the name of the body that is being prepared, or "tool". `stage` is "cache" (the cache is searched
+// for the prepared body), "read" (the surface is read), "repair" (the surface is repaired), "layer" (tetrahedra are
+// made), "embed" (the skin is embedded in the tetrahedra), "proxies" (convex hulls are made), "bind" (nodes are attached
+// to rigid cores) or "ready" (the body is ready). `done` is the number of bodies that are ready and `total` that of all
+// bodies; a tool that is not one of the bodies counts as one more body. The strings are valid until the callback
+// returns. Return 0 to continue, anything else to cancel. While the callback of `palpate_scene_prepare` runs, calls on
+// the scene give PALPATE_STATUS_BUSY. The callback must return: no longjmp, and no exception.
 typedef int32_t (*palpate_progress)(void *user, const char *body, const char *stage, uint32_t done, uint32_t total);
+
+// Result of a step. In a scene without a tool, `force`, `torque` and the positions are zero, and the orientations are
+// the identity.
+typedef struct palpate_wrench {
+    // Size of the struct in bytes: sizeof(palpate_wrench).
+    uint32_t size;
+    // Warnings about the step: PALPATE_FLAG_*, one bit each; 0: there are none.
+    uint32_t flags;
+    // Number of steps that the simulation has done, including this one.
+    uint64_t step;
+    // Simulated time at the end of the step, s.
+    double time;
+    // Net contact force on the tool, world axes, N.
+    double force[3];
+    // Net contact torque on the tool about its centre, world axes, N m.
+    double torque[3];
+    // Pose of the tool at the end of the step.
+    struct palpate_pose tool;
+    // Pose of the haptic device at the end of the step.
+    struct palpate_pose device;
+    // Greatest penetration depth among the contacts, m.
+    double max_depth;
+    // Relative residual of the linear system at the end of the last solve.
+    double residual;
+    // Number of contacts: vertices of one body's surface mesh that lie inside another body. Of two bodies that touch,
+    // the vertices of both count, unless the scene's `contact.sides` is "one".
+    uint32_t contacts;
+    // Number of conjugate gradient iterations in all solves of the step.
+    uint32_t iterations;
+} palpate_wrench;
+
+// Cost of one stage of a simulation step.
+typedef struct palpate_stage {
+    // Name of the stage, as in docs/understanding/step.md: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
+    // and so on. In every second timed step, "pose to contact" stands for the first five of these stages, which are
+    // then timed together.
+    char name[32];
+    // Time of the stage on the GPU in the last step, microseconds; 0 if the last step was not timed.
+    double microseconds;
+    // Number of dispatches, draws, fills and copies of the stage in a step with as many solver iterations as the last
+    // one; 0 for "pose to contact".
+    uint32_t passes;
+    // Reserved: always 0.
+    uint32_t reserved;
+} palpate_stage;
 
 // Parameters of an elastic material. The material law itself is chosen with the scene and cannot be changed.
 typedef struct palpate_material {
@@ -532,55 +675,53 @@ typedef struct palpate_coupling {
     double angular_damping;
 } palpate_coupling;
 
-// A Vulkan device of this machine. Strings that are too long for their arrays are cut off; all end with a zero byte.
-typedef struct palpate_device {
-    // Kind of the device.
-    palpate_device_kind kind;
-    // 1: palpate can use the device; 0: palpate cannot use it, and `reason` says why.
-    uint32_t usable;
-    // The driver's name for the device. `device` in palpate_context_options takes this name, a part of it, or the
-    // position of the device in the list of `palpate_devices`, from 0.
-    char name[256];
-    // Name and version of the driver.
-    char driver[256];
-    // Why palpate cannot use the device; "" where it can.
-    char reason[256];
-} palpate_device;
-
-// Log callback: receives `user`, the pointer that was given along with the callback; `level`, one of PALPATE_LOG_*;
-// and `message`, one line of text that is valid until the callback returns. The callback may be called on any thread,
-// within a call of this library or of the Vulkan driver. It must not call the library, and must return normally, not
-// by longjmp or an exception.
-typedef void (*palpate_log)(void *user, uint32_t level, const char *message);
-
-// Options for opening a context. In every field but `size`, zero (or null) is the default.
-typedef struct palpate_context_options {
-    // Size of the struct in bytes: sizeof(palpate_context_options).
+// The skins (surface meshes) as arrays on the Vulkan device: the vertices of all bodies one after another, those of
+// the tool last. If the program itself opened the device, it can bind the buffers directly (usages: storage, texel and
+// transfer; positions and normals also vertex). The buffers live as long as the simulation, with one exception: when
+// palpate_contact_set switches friction on in a scene without friction, new buffers replace them, and the program must
+// get the buffers again and export them again.
+typedef struct palpate_skins {
+    // Size of the struct in bytes: sizeof(palpate_skins).
     uint32_t size;
-    // 1: switches the Khronos validation layer on, with synchronisation validation; its messages go to `log`. This is
-    // slow. 0: off.
-    uint32_t validation;
-    // Device to open: its position in the list of `palpate_devices`, from 0, as a decimal number, or part of its name;
-    // null: the first usable one in the order discrete GPU, integrated GPU, virtual GPU, CPU.
-    const char *device;
-    // Callback that receives the library's messages; null: they are discarded.
-    palpate_log log;
-    // Pointer that is passed to `log`.
-    void *log_user;
-    // Folder where prepared bodies, compiled pipelines and measurements of devices are kept for later runs; "": the
-    // user's cache folder (PALPATE_CACHE, else palpate in XDG_CACHE_HOME or ~/.cache). Null: nothing is kept.
-    const char *cache;
-    // 1: the library measures which of two implementations is faster on the device, where the scene does not choose:
-    // arrays read through texel or through storage buffers, and penetration depths computed by compute or by graphics
-    // pipelines. It measures once per context, or once per device if there is a cache. 0: the library does not
-    // measure.
-    uint32_t measure;
-    // Number of threads that lavapipe (Mesa's Vulkan driver for CPUs) uses in addition to the calling one; -1: none.
-    // Any value but 0 sets the environment variable LP_NUM_THREADS in palpate_context_create, unless the environment
-    // has it already; during that call no other thread of the process may read or write the environment. 0: the
-    // environment stays as it is. Other drivers ignore LP_NUM_THREADS.
-    int32_t threads;
-} palpate_context_options;
+    // Number of the vertices of all skins together.
+    uint32_t vertex_count;
+    // Number of the triangles of all skins together.
+    uint32_t triangle_count;
+    // Reserved: always 0.
+    uint32_t reserved;
+    // VkBuffer of the vertex positions: four floats per vertex, x, y, z (m, relative to the `origin` passed to
+    // palpate_skin_buffers) and 1.
+    uint64_t positions;
+    // VkBuffer of the vertex normals: four floats per vertex, the three components of a unit outward vector and 0.
+    uint64_t normals;
+    // VkBuffer of the triangles: four uint32_t per triangle, the indices of its three vertices counter-clockwise seen
+    // from outside, and 0.
+    uint64_t triangles;
+} palpate_skins;
+
+// A contact of the last step: a vertex of one body's skin that lies inside another body.
+typedef struct palpate_contact {
+    // First the body to which the vertex belongs, then the body inside which it lies, both by their positions in the
+    // scene, counted from 0; the tool is counted after the last body.
+    uint32_t body[2];
+    // Index of the vertex in its body's skin.
+    uint32_t vertex;
+    // Reserved: always 0.
+    uint32_t reserved;
+    // World position of the vertex at the time of the call, m.
+    double position[3];
+    // Contact normal: unit vector in world axes, outward from the body inside which the vertex lies.
+    double normal[3];
+    // Penetration depth along the normal, m.
+    double depth;
+    // Area of the vertex's share of the skin, projected along the contact normal, m^2.
+    double area;
+    // Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the magnitude of the
+    // normal force of this contact; if one of the bodies is the tool, this force is a part of the net force in
+    // palpate_wrench. If a state was restored since the last step, `pressure` is instead that at the start of the
+    // step.
+    double pressure;
+} palpate_contact;
 
 // State of a haptic device in world axes, as the callback `read` reports it. Before each call the library fills every
 // field as described below; the callback overwrites the fields that it knows.
@@ -743,146 +884,6 @@ typedef struct palpate_loop_state {
     double late_worst;
 } palpate_loop_state;
 
-// Result of a step. In a scene without a tool, `force`, `torque` and the positions are zero, and the orientations are
-// the identity.
-typedef struct palpate_wrench {
-    // Size of the struct in bytes: sizeof(palpate_wrench).
-    uint32_t size;
-    // Warnings about the step: PALPATE_FLAG_*, one bit each; 0: there are none.
-    uint32_t flags;
-    // Number of steps that the simulation has done, including this one.
-    uint64_t step;
-    // Simulated time at the end of the step, s.
-    double time;
-    // Net contact force on the tool, world axes, N.
-    double force[3];
-    // Net contact torque on the tool about its centre, world axes, N m.
-    double torque[3];
-    // Pose of the tool at the end of the step.
-    struct palpate_pose tool;
-    // Pose of the haptic device at the end of the step.
-    struct palpate_pose device;
-    // Greatest penetration depth among the contacts, m.
-    double max_depth;
-    // Relative residual of the linear system at the end of the last solve.
-    double residual;
-    // Number of contacts: vertices of one body's surface mesh that lie inside another body. Of two bodies that touch,
-    // the vertices of both count, unless the scene's `contact.sides` is "one".
-    uint32_t contacts;
-    // Number of conjugate gradient iterations in all solves of the step.
-    uint32_t iterations;
-} palpate_wrench;
-
-// Callback that takes or releases the calling program's lock around its queue.
-typedef void (*palpate_queue_lock)(void *user);
-
-// A Vulkan device that the calling program opened. Its instance must have been created for Vulkan 1.3, and the device
-// with the features scalarBlockLayout, synchronization2, dynamicRendering and maintenance4. All handles must stay
-// valid until the context made from them and the last simulation on that context are gone.
-typedef struct palpate_vulkan {
-    // Size of the struct in bytes: sizeof(palpate_vulkan).
-    uint32_t size;
-    // Further features that the device was created with: a sum of PALPATE_VULKAN_*. Do not add a feature that is not
-    // enabled.
-    uint32_t enabled;
-    // vkGetInstanceProcAddr of the Vulkan loader that the handles come from; null: the system's loader is opened.
-    void (*get_instance_proc_addr)(void);
-    // The program's VkInstance.
-    void *instance;
-    // The VkPhysicalDevice of `device`.
-    void *physical_device;
-    // The program's VkDevice.
-    void *device;
-    // A VkQueue of `device`. The library submits to the queue in every call that steps a simulation or copies its
-    // data, and waits for that work.
-    void *queue;
-    // Index of the queue's family, which must have graphics and compute.
-    uint32_t queue_family;
-    // Reserved: must be 0.
-    uint32_t reserved;
-    // Takes the program's lock before each use of the queue; `unlock` releases the lock afterwards on the same thread,
-    // which may be any thread. The lock is held only briefly. Neither callback may call the library, and the program
-    // must not hold the lock when it calls the library, unless the lock is recursive. If both callbacks are null, the
-    // program must not use the queue during any call of the library, and must create at most one context on the queue.
-    palpate_queue_lock lock;
-    // Releases the program's lock; see `lock`.
-    palpate_queue_lock unlock;
-    // Pointer that is passed to `lock` and `unlock`.
-    void *lock_user;
-    // Callback that receives the library's messages; null: they are discarded.
-    palpate_log log;
-    // Pointer that is passed to `log`.
-    void *log_user;
-    // Cache folder; see `cache` in palpate_context_options.
-    const char *cache;
-    // 1: where the library has two implementations of a computation, it measures which is faster on the device; see
-    // `measure` in palpate_context_options.
-    uint32_t measure;
-} palpate_vulkan;
-
-// The skins (surface meshes) as arrays on the Vulkan device: the vertices of all bodies one after another, those of
-// the tool last. If the program itself opened the device, it can bind the buffers directly (usages: storage, texel and
-// transfer; positions and normals also vertex). The buffers live as long as the simulation, with one exception: when
-// palpate_contact_set switches friction on in a scene without friction, new buffers replace them, and the program must
-// get the buffers again and export them again.
-typedef struct palpate_skins {
-    // Size of the struct in bytes: sizeof(palpate_skins).
-    uint32_t size;
-    // Number of the vertices of all skins together.
-    uint32_t vertex_count;
-    // Number of the triangles of all skins together.
-    uint32_t triangle_count;
-    // Reserved: always 0.
-    uint32_t reserved;
-    // VkBuffer of the vertex positions: four floats per vertex, x, y, z (m, relative to the `origin` passed to
-    // palpate_skin_buffers) and 1.
-    uint64_t positions;
-    // VkBuffer of the vertex normals: four floats per vertex, the three components of a unit outward vector and 0.
-    uint64_t normals;
-    // VkBuffer of the triangles: four uint32_t per triangle, the indices of its three vertices counter-clockwise seen
-    // from outside, and 0.
-    uint64_t triangles;
-} palpate_skins;
-
-// A contact of the last step: a vertex of one body's skin that lies inside another body.
-typedef struct palpate_contact {
-    // First the body to which the vertex belongs, then the body inside which it lies, both by their positions in the
-    // scene, counted from 0; the tool is counted after the last body.
-    uint32_t body[2];
-    // Index of the vertex in its body's skin.
-    uint32_t vertex;
-    // Reserved: always 0.
-    uint32_t reserved;
-    // World position of the vertex at the time of the call, m.
-    double position[3];
-    // Contact normal: unit vector in world axes, outward from the body inside which the vertex lies.
-    double normal[3];
-    // Penetration depth along the normal, m.
-    double depth;
-    // Area of the vertex's share of the skin, projected along the contact normal, m^2.
-    double area;
-    // Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the magnitude of the
-    // normal force of this contact; if one of the bodies is the tool, this force is a part of the net force in
-    // palpate_wrench. If a state was restored since the last step, `pressure` is instead that at the start of the
-    // step.
-    double pressure;
-} palpate_contact;
-
-// Cost of one stage of a simulation step.
-typedef struct palpate_stage {
-    // Name of the stage, as in docs/understanding/step.md: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
-    // and so on. In every second timed step, "pose to contact" stands for the first five of these stages, which are
-    // then timed together.
-    char name[32];
-    // Time of the stage on the GPU in the last step, microseconds; 0 if the last step was not timed.
-    double microseconds;
-    // Number of dispatches, draws, fills and copies of the stage in a step with as many solver iterations as the last
-    // one; 0 for "pose to contact".
-    uint32_t passes;
-    // Reserved: always 0.
-    uint32_t reserved;
-} palpate_stage;
-
 
 
 #ifdef __cplusplus
@@ -896,6 +897,40 @@ uint32_t palpate_abi(void);
 // Returns the version of the library, such as "0.1.0". The string is never null and is valid as long as the program
 // runs.
 const char *palpate_version(void);
+
+// Returns the message of the last failed call on this thread, that is, the last call with another status than
+// PALPATE_STATUS_OK. The message is one line, or "" if no call has failed. The string is never null, and is valid
+// until the next call on this thread fails.
+const char *palpate_last_error(void);
+
+// Lists the Vulkan devices of this machine, usable or not. `count` receives their number; up to `capacity` devices are
+// written to `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than
+// `capacity` devices, and none was written.
+palpate_status palpate_devices(struct palpate_device *devices, size_t capacity, size_t *count);
+
+// Opens a Vulkan device as a context. `options` may be null: then all options have their defaults.
+palpate_status palpate_context_create(const struct palpate_context_options *options, struct palpate_context **context);
+
+// Destroys a context. The device is closed as soon as the last simulation on the context is gone. Null does nothing.
+palpate_status palpate_context_destroy(struct palpate_context *context);
+
+// Reads how many bytes of the device's memory the arrays of all simulations on a context occupy.
+palpate_status palpate_context_memory(struct palpate_context *context, uint64_t *bytes);
+
+// Makes a context on a Vulkan device of the calling program; the device stays open when the context is destroyed. The
+// library checks what it can: that the physical device belongs to the instance and can run palpate, and that the
+// queue's family has graphics and compute. It cannot detect invalid handles, or features that were not enabled.
+palpate_status palpate_context_create_on(const struct palpate_vulkan *vulkan, struct palpate_context **context);
+
+// Makes a scene from the scene file at the path `file`.
+palpate_status palpate_scene_load(const char *file, struct palpate_scene **scene);
+
+// Makes a scene from a text in the format of a scene file. Relative paths in the text are relative to `folder`, or, if
+// `folder` is null, to the working directory.
+palpate_status palpate_scene_parse(const char *text, const char *folder, struct palpate_scene **scene);
+
+// Destroys a scene. Simulations that were made of the scene can still be used. With null the call does nothing.
+palpate_status palpate_scene_destroy(struct palpate_scene *scene);
 
 // Makes an empty scene, to which the functions below add. `settings` may be null: then all settings have their
 // defaults. Relative paths in a text that palpate_scene_add adds to the scene are relative to the working directory.
@@ -956,10 +991,108 @@ palpate_status palpate_scene_cache(struct palpate_scene *scene, const char *fold
 
 // Prepares the bodies of a scene: repairs surfaces, fills them with tetrahedra, and does the other stages that
 // palpate_progress lists. This takes seconds, unless prepared bodies are found in the cache (palpate_scene_cache).
-// Bodies that were not prepared by this call are prepared by palpate_simulation_create, without a progress callback.
+// Bodies that were not prepared by this call are prepared when a simulation is made.
 // `progress` is called with `user` on this thread as each stage begins; it may be null. If the callback cancels
 // (PALPATE_STATUS_CANCELLED), bodies that are ready stay ready, and the next call continues with the others.
 palpate_status palpate_scene_prepare(struct palpate_scene *scene, palpate_progress progress, void *user);
+
+// Makes a simulation of a scene on a context. The call prepares the bodies that palpate_scene_prepare has not
+// prepared, compiles the GPU kernels that the context has not compiled before, and records the GPU commands of a step.
+// All of it can take a minute where nothing is in a cache; palpate_simulation_create_with_progress tells how far it is.
+// Afterwards the scene may be destroyed.
+palpate_status palpate_simulation_create(struct palpate_context *context,
+                                         struct palpate_scene *scene,
+                                         struct palpate_simulation **simulation);
+
+// Makes a simulation as palpate_simulation_create does, and calls `progress` with `user` on this thread: as
+// palpate_progress describes for the bodies, and then, with an empty `body` and the stage "kernels", before each GPU
+// kernel that is compiled; there `done` is the number of those compiled so far, and `total` is 0, since their number is
+// not known before. `progress` may be null. If the callback cancels (PALPATE_STATUS_CANCELLED), no simulation is made;
+// the next call does not compile again what the context has compiled, but prepares again what neither
+// palpate_scene_prepare nor a cache has kept.
+palpate_status palpate_simulation_create_with_progress(struct palpate_context *context,
+                                                       struct palpate_scene *scene,
+                                                       palpate_progress progress,
+                                                       void *user,
+                                                       struct palpate_simulation **simulation);
+
+// Destroys a simulation, after waiting for a step of palpate_step_submit that is under way. If a haptic loop uses the
+// simulation, the simulation is destroyed when the loop ends. With null the call does nothing.
+palpate_status palpate_simulation_destroy(struct palpate_simulation *simulation);
+
+// Does one step, whose length is the scene's `dt`, and waits for the step to end. `device`: pose of the haptic device
+// at the end of the step, which it reaches at constant speed from its pose at the start; null: the pose on the scene's
+// trajectory (`[drive]`), or, if an earlier call gave a pose, the last pose given. `wrench` receives the result, and
+// may be null. After a step that fails in Vulkan or in the solver, the simulation can be read and destroyed, and
+// further steps give PALPATE_STATUS_SIMULATION until a saved state is restored.
+palpate_status palpate_step(struct palpate_simulation *simulation,
+                            const struct palpate_pose *device,
+                            struct palpate_wrench *wrench);
+
+// Copies the world positions of the nodes of a soft body's layer (its tetrahedral mesh), m: three numbers per node, in
+// the order of the layer. `body` is the body's position in the scene, from 0. `count` receives the number of nodes,
+// which is 0 if the body is not soft. `positions` has room for `capacity` nodes, and may be null if `capacity` is 0.
+// PALPATE_STATUS_TOO_SMALL: there are more nodes than `capacity`, and none was written.
+palpate_status palpate_nodes(struct palpate_simulation *simulation,
+                             uint32_t body,
+                             double (*positions)[3],
+                             size_t capacity,
+                             size_t *count);
+
+// Begins a step without waiting for it: a worker thread of the simulation does the step. The first call of this
+// function starts the thread. `device` has the meaning that it has in `palpate_step`; it may be null, and is copied.
+// Until the step is done, functions that read or change the simulation, this one included, give PALPATE_STATUS_BUSY;
+// only `palpate_step_poll`, `palpate_step_wait` and `palpate_wrench_newest` can be used. A submitted step gives the
+// same bits as a step by `palpate_step`.
+palpate_status palpate_step_submit(struct palpate_simulation *simulation, const struct palpate_pose *device);
+
+// Reads whether the submitted step is done; never waits. `is_done` receives 0 while a submitted step is under way, and
+// otherwise 1. If a submitted step failed, the call returns the status that `palpate_step` would have returned for
+// that step; all later calls return this status too, until a saved state is restored, because before that no further
+// step is possible.
+palpate_status palpate_step_poll(struct palpate_simulation *simulation, int32_t *is_done);
+
+// Waits until no submitted step is under way. If a submitted step failed, the call returns the status of that step, as
+// `palpate_step_poll` does.
+palpate_status palpate_step_wait(struct palpate_simulation *simulation);
+
+// Reads the wrench of the newest finished step, which `palpate_step_submit`, `palpate_step` or a haptic loop began.
+// The call never waits; any thread may make it at any time. `age_seconds` receives the age of the wrench, s: the time
+// since its step received the pose of the haptic device, which was when `palpate_step_submit` or `palpate_step` was
+// called, or when the loop began the step. `age_seconds` may be null. Before the first step, and after a saved state
+// was restored, the wrench has `step` 0, and its age is infinite. If a submitted step failed, wrench and age are
+// written nevertheless, and the call returns the status of that step.
+palpate_status palpate_wrench_newest(struct palpate_simulation *simulation,
+                                     struct palpate_wrench *wrench,
+                                     double *age_seconds);
+
+// Saves the state of a simulation, that is, everything that the next step starts from: positions and velocities of all
+// bodies and the tool, and the data that the solver and the broad phase of collision detection carry over from step to
+// step. Settings (materials, contact law, virtual coupling) are not part of the state. Call the function between two
+// steps; it copies arrays from the GPU. `size` receives the number of bytes, which changes by some hundreds of bytes
+// from step to step; so ask for the size just before saving. `bytes` has room for `capacity` bytes, and may be null if
+// `capacity` is 0, which asks for the size alone. PALPATE_STATUS_TOO_SMALL: the state has more bytes than `capacity`,
+// which is not 0, and none was written.
+palpate_status palpate_state_save(struct palpate_simulation *simulation, uint8_t *bytes, size_t capacity, size_t *size);
+
+// Restores a state that was saved from this simulation, or from another simulation with the same bodies, tool and
+// Vulkan device, in this process or another one. If the settings too are the same, the next steps compute the same
+// bits as the steps after the state was saved. PALPATE_STATUS_ARGUMENT: the bytes were not saved by this version of
+// the library, are damaged, or belong to other bodies; nothing was changed. A simulation with a failed step can do
+// steps again after a state is restored.
+palpate_status palpate_state_restore(struct palpate_simulation *simulation, const uint8_t *bytes, size_t size);
+
+// Times the stages of every `steps`-th step from now on. With `steps` 0, which is the default, no step is timed. With
+// some drivers a timed step takes up to a millisecond longer.
+palpate_status palpate_time_every(struct palpate_simulation *simulation, uint64_t steps);
+
+// Lists the stages of a step in the order in which they run, with the cost of each. `count` receives the number of
+// stages; `stages` has room for `capacity` stages, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
+// are more stages than `capacity`, and none was written.
+palpate_status palpate_stages(struct palpate_simulation *simulation,
+                              struct palpate_stage *stages,
+                              size_t capacity,
+                              size_t *count);
 
 // Reads a material of a soft body: `index` 0 is the material of the body itself, and 1 and above are the materials of
 // the body's regions (parts with a material of their own) in the order of the scene.
@@ -1006,83 +1139,6 @@ palpate_status palpate_core_move(struct palpate_simulation *simulation,
                                  uint32_t core,
                                  const struct palpate_pose *pose,
                                  double seconds);
-
-// Lists the Vulkan devices of this machine, usable or not. `count` receives their number; up to `capacity` devices are
-// written to `devices`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more than
-// `capacity` devices, and none was written.
-palpate_status palpate_devices(struct palpate_device *devices, size_t capacity, size_t *count);
-
-// Opens a Vulkan device as a context. `options` may be null: then all options have their defaults.
-palpate_status palpate_context_create(const struct palpate_context_options *options, struct palpate_context **context);
-
-// Destroys a context. The device is closed as soon as the last simulation on the context is gone. Null does nothing.
-palpate_status palpate_context_destroy(struct palpate_context *context);
-
-// Reads how many bytes of the device's memory the arrays of all simulations on a context occupy.
-palpate_status palpate_context_memory(struct palpate_context *context, uint64_t *bytes);
-
-// Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
-// which must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the
-// loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
-// `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the device to open;
-// PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
-// to null if no loop starts.
-//
-// The loop owns the simulation until the loop has ended: calls on the simulation give PALPATE_STATUS_BUSY, except
-// `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. The simulation's handle may be destroyed while
-// the loop runs. After the loop has ended, the simulation continues from the tool, device pose and time that the loop
-// reached. Stop a loop that still runs before the program ends.
-palpate_status palpate_loop_start(struct palpate_simulation *simulation,
-                                  const struct palpate_haptic_device *device,
-                                  const struct palpate_loop_options *options,
-                                  struct palpate_loop **the_loop);
-
-// Reads the state of a loop. This function never waits; any thread may call it at any time, within callbacks too.
-palpate_status palpate_loop_read(struct palpate_loop *the_loop, struct palpate_loop_state *state);
-
-// Reads the wrench of the newest step of a loop's simulation, with the flags of that step, as `palpate_wrench_newest`
-// does. Unlike that function, this one works also after the simulation's handle was destroyed. `age_seconds` receives
-// the time since that step began, s; it may be null.
-palpate_status palpate_loop_wrench(struct palpate_loop *the_loop, struct palpate_wrench *wrench, double *age_seconds);
-
-// Reads a note about a loop, one line of text. A note reports the virtual coupling that was chosen and why, a limit in
-// the options that exceeds that of the device's profile, or that the loop's thread has no raised priority. `note`:
-// number of the note, from 0; `palpate_loop_state` has the number of notes. `count` receives the length of the text in
-// bytes, with its terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity`
-// is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
-palpate_status palpate_loop_note(struct palpate_loop *the_loop,
-                                 uint32_t note,
-                                 char *text,
-                                 size_t capacity,
-                                 size_t *count);
-
-// Reads why a loop ended, in one line; the text is "" while the loop runs. `text`, `capacity` and `count` are those of
-// `palpate_loop_note`.
-palpate_status palpate_loop_ended(struct palpate_loop *the_loop, char *text, size_t capacity, size_t *count);
-
-// Ends a loop. When the call returns, the device plays no force and is closed, and the simulation can be used again.
-// State, notes and newest wrench of the loop can still be read. If the loop had failed, the call returns the status of
-// that failure. A call from within a callback only asks the loop to end, and gives PALPATE_STATUS_BUSY.
-palpate_status palpate_loop_stop(struct palpate_loop *the_loop);
-
-// Stops a loop as `palpate_loop_stop` does, and destroys its handle. A call from within a callback only asks the loop
-// to end, and the handle stays valid. Null does nothing.
-palpate_status palpate_loop_destroy(struct palpate_loop *the_loop);
-
-// Makes a context on a Vulkan device of the calling program; the device stays open when the context is destroyed. The
-// library checks what it can: that the physical device belongs to the instance and can run palpate, and that the
-// queue's family has graphics and compute. It cannot detect invalid handles, or features that were not enabled.
-palpate_status palpate_context_create_on(const struct palpate_vulkan *vulkan, struct palpate_context **context);
-
-// Makes a scene from the scene file at the path `file`.
-palpate_status palpate_scene_load(const char *file, struct palpate_scene **scene);
-
-// Makes a scene from a text in the format of a scene file. Relative paths in the text are relative to `folder`, or, if
-// `folder` is null, to the working directory.
-palpate_status palpate_scene_parse(const char *text, const char *folder, struct palpate_scene **scene);
-
-// Destroys a scene. Simulations that were made of the scene can still be used. With null the call does nothing.
-palpate_status palpate_scene_destroy(struct palpate_scene *scene);
 
 // Copies the skin (surface mesh) of a body of any kind. `body`: position of the body in the scene, from 0; the tool is
 // counted after the last body. `origin`: the world point to which positions are relative, three coordinates, m; null:
@@ -1142,94 +1198,53 @@ palpate_status palpate_contacts(struct palpate_simulation *simulation,
                                 size_t capacity,
                                 size_t *count);
 
-// Makes a simulation of a scene on a context. The call prepares the bodies that palpate_scene_prepare has not
-// prepared, and records the GPU commands of a step. Afterwards the scene may be destroyed.
-palpate_status palpate_simulation_create(struct palpate_context *context,
-                                         struct palpate_scene *scene,
-                                         struct palpate_simulation **simulation);
+// Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
+// which must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the
+// loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
+// `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the device to open;
+// PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
+// to null if no loop starts.
+//
+// The loop owns the simulation until the loop has ended: calls on the simulation give PALPATE_STATUS_BUSY, except
+// `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. The simulation's handle may be destroyed while
+// the loop runs. After the loop has ended, the simulation continues from the tool, device pose and time that the loop
+// reached. Stop a loop that still runs before the program ends.
+palpate_status palpate_loop_start(struct palpate_simulation *simulation,
+                                  const struct palpate_haptic_device *device,
+                                  const struct palpate_loop_options *options,
+                                  struct palpate_loop **the_loop);
 
-// Destroys a simulation, after waiting for a step of palpate_step_submit that is under way. If a haptic loop uses the
-// simulation, the simulation is destroyed when the loop ends. With null the call does nothing.
-palpate_status palpate_simulation_destroy(struct palpate_simulation *simulation);
+// Reads the state of a loop. This function never waits; any thread may call it at any time, within callbacks too.
+palpate_status palpate_loop_read(struct palpate_loop *the_loop, struct palpate_loop_state *state);
 
-// Does one step, whose length is the scene's `dt`, and waits for the step to end. `device`: pose of the haptic device
-// at the end of the step, which it reaches at constant speed from its pose at the start; null: the pose on the scene's
-// trajectory (`[drive]`), or, if an earlier call gave a pose, the last pose given. `wrench` receives the result, and
-// may be null. After a step that fails in Vulkan or in the solver, the simulation can be read and destroyed, and
-// further steps give PALPATE_STATUS_SIMULATION until a saved state is restored.
-palpate_status palpate_step(struct palpate_simulation *simulation,
-                            const struct palpate_pose *device,
-                            struct palpate_wrench *wrench);
+// Reads the wrench of the newest step of a loop's simulation, with the flags of that step, as `palpate_wrench_newest`
+// does. Unlike that function, this one works also after the simulation's handle was destroyed. `age_seconds` receives
+// the time since that step began, s; it may be null.
+palpate_status palpate_loop_wrench(struct palpate_loop *the_loop, struct palpate_wrench *wrench, double *age_seconds);
 
-// Copies the world positions of the nodes of a soft body's layer (its tetrahedral mesh), m: three numbers per node, in
-// the order of the layer. `body` is the body's position in the scene, from 0. `count` receives the number of nodes,
-// which is 0 if the body is not soft. `positions` has room for `capacity` nodes, and may be null if `capacity` is 0.
-// PALPATE_STATUS_TOO_SMALL: there are more nodes than `capacity`, and none was written.
-palpate_status palpate_nodes(struct palpate_simulation *simulation,
-                             uint32_t body,
-                             double (*positions)[3],
-                             size_t capacity,
-                             size_t *count);
+// Reads a note about a loop, one line of text. A note reports the virtual coupling that was chosen and why, a limit in
+// the options that exceeds that of the device's profile, or that the loop's thread has no raised priority. `note`:
+// number of the note, from 0; `palpate_loop_state` has the number of notes. `count` receives the length of the text in
+// bytes, with its terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity`
+// is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
+palpate_status palpate_loop_note(struct palpate_loop *the_loop,
+                                 uint32_t note,
+                                 char *text,
+                                 size_t capacity,
+                                 size_t *count);
 
-// Saves the state of a simulation, that is, everything that the next step starts from: positions and velocities of all
-// bodies and the tool, and the data that the solver and the broad phase of collision detection carry over from step to
-// step. Settings (materials, contact law, virtual coupling) are not part of the state. Call the function between two
-// steps; it copies arrays from the GPU. `size` receives the number of bytes, which changes by some hundreds of bytes
-// from step to step; so ask for the size just before saving. `bytes` has room for `capacity` bytes, and may be null if
-// `capacity` is 0, which asks for the size alone. PALPATE_STATUS_TOO_SMALL: the state has more bytes than `capacity`,
-// which is not 0, and none was written.
-palpate_status palpate_state_save(struct palpate_simulation *simulation, uint8_t *bytes, size_t capacity, size_t *size);
+// Reads why a loop ended, in one line; the text is "" while the loop runs. `text`, `capacity` and `count` are those of
+// `palpate_loop_note`.
+palpate_status palpate_loop_ended(struct palpate_loop *the_loop, char *text, size_t capacity, size_t *count);
 
-// Restores a state that was saved from this simulation, or from another simulation with the same bodies, tool and
-// Vulkan device, in this process or another one. If the settings too are the same, the next steps compute the same
-// bits as the steps after the state was saved. PALPATE_STATUS_ARGUMENT: the bytes were not saved by this version of
-// the library, are damaged, or belong to other bodies; nothing was changed. A simulation with a failed step can do
-// steps again after a state is restored.
-palpate_status palpate_state_restore(struct palpate_simulation *simulation, const uint8_t *bytes, size_t size);
+// Ends a loop. When the call returns, the device plays no force and is closed, and the simulation can be used again.
+// State, notes and newest wrench of the loop can still be read. If the loop had failed, the call returns the status of
+// that failure. A call from within a callback only asks the loop to end, and gives PALPATE_STATUS_BUSY.
+palpate_status palpate_loop_stop(struct palpate_loop *the_loop);
 
-// Times the stages of every `steps`-th step from now on. With `steps` 0, which is the default, no step is timed. With
-// some drivers a timed step takes up to a millisecond longer.
-palpate_status palpate_time_every(struct palpate_simulation *simulation, uint64_t steps);
-
-// Lists the stages of a step in the order in which they run, with the cost of each. `count` receives the number of
-// stages; `stages` has room for `capacity` stages, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
-// are more stages than `capacity`, and none was written.
-palpate_status palpate_stages(struct palpate_simulation *simulation,
-                              struct palpate_stage *stages,
-                              size_t capacity,
-                              size_t *count);
-
-// Returns the message of the last failed call on this thread, that is, the last call with another status than
-// PALPATE_STATUS_OK. The message is one line, or "" if no call has failed. The string is never null, and is valid
-// until the next call on this thread fails.
-const char *palpate_last_error(void);
-
-// Begins a step without waiting for it: a worker thread of the simulation does the step. The first call of this
-// function starts the thread. `device` has the meaning that it has in `palpate_step`; it may be null, and is copied.
-// Until the step is done, functions that read or change the simulation, this one included, give PALPATE_STATUS_BUSY;
-// only `palpate_step_poll`, `palpate_step_wait` and `palpate_wrench_newest` can be used. A submitted step gives the
-// same bits as a step by `palpate_step`.
-palpate_status palpate_step_submit(struct palpate_simulation *simulation, const struct palpate_pose *device);
-
-// Reads whether the submitted step is done; never waits. `is_done` receives 0 while a submitted step is under way, and
-// otherwise 1. If a submitted step failed, the call returns the status that `palpate_step` would have returned for
-// that step; all later calls return this status too, until a saved state is restored, because before that no further
-// step is possible.
-palpate_status palpate_step_poll(struct palpate_simulation *simulation, int32_t *is_done);
-
-// Waits until no submitted step is under way. If a submitted step failed, the call returns the status of that step, as
-// `palpate_step_poll` does.
-palpate_status palpate_step_wait(struct palpate_simulation *simulation);
-
-// Reads the wrench of the newest finished step, which `palpate_step_submit`, `palpate_step` or a haptic loop began.
-// The call never waits; any thread may make it at any time. `age_seconds` receives the age of the wrench, s: the time
-// since its step received the pose of the haptic device, which was when `palpate_step_submit` or `palpate_step` was
-// called, or when the loop began the step. `age_seconds` may be null. Before the first step, and after a saved state
-// was restored, the wrench has `step` 0, and its age is infinite. If a submitted step failed, wrench and age are
-// written nevertheless, and the call returns the status of that step.
-palpate_status palpate_wrench_newest(struct palpate_simulation *simulation,
-                                     struct palpate_wrench *wrench,
-                                     double *age_seconds);
+// Stops a loop as `palpate_loop_stop` does, and destroys its handle. A call from within a callback only asks the loop
+// to end, and the handle stays valid. Null does nothing.
+palpate_status palpate_loop_destroy(struct palpate_loop *the_loop);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -2,12 +2,15 @@
 //! steps, and read its results. The tool is the rigid body that the haptic device leads; the wrench, which a step
 //! gives, is the contact force and torque on the tool.
 
+use std::ffi::c_void;
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
+use palpate::internal::gpu::watched;
 use palpate::internal::prepare::Cache;
 use palpate::{Pose, Simulation, StepReport};
 
+use super::build::{palpate_progress, tell, tell_of_kernels};
 use super::context::{opened, palpate_context};
 use super::handles::{self, Handled};
 use super::scene::{SceneObject, palpate_scene};
@@ -142,11 +145,31 @@ impl Handled for SimulationObject {
 }
 
 /// Makes a simulation of a scene on a context. The call prepares the bodies that palpate_scene_prepare has not
-/// prepared, and records the GPU commands of a step. Afterwards the scene may be destroyed.
+/// prepared, compiles the GPU kernels that the context has not compiled before, and records the GPU commands of a step.
+/// All of it can take a minute where nothing is in a cache; palpate_simulation_create_with_progress tells how far it is.
+/// Afterwards the scene may be destroyed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_simulation_create(
     context: *mut palpate_context,
     scene: *mut palpate_scene,
+    simulation: *mut *mut palpate_simulation,
+) -> palpate_status {
+    // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+    unsafe { palpate_simulation_create_with_progress(context, scene, None, std::ptr::null_mut(), simulation) }
+}
+
+/// Makes a simulation as palpate_simulation_create does, and calls `progress` with `user` on this thread: as
+/// palpate_progress describes for the bodies, and then, with an empty `body` and the stage "kernels", before each GPU
+/// kernel that is compiled; there `done` is the number of those compiled so far, and `total` is 0, since their number is
+/// not known before. `progress` may be null. If the callback cancels (PALPATE_STATUS_CANCELLED), no simulation is made;
+/// the next call does not compile again what the context has compiled, but prepares again what neither
+/// palpate_scene_prepare nor a cache has kept.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_simulation_create_with_progress(
+    context: *mut palpate_context,
+    scene: *mut palpate_scene,
+    progress: palpate_progress,
+    user: *mut c_void,
     simulation: *mut *mut palpate_simulation,
 ) -> palpate_status {
     guarded(|| {
@@ -156,8 +179,9 @@ pub unsafe extern "C" fn palpate_simulation_create(
         let context = opened(context)?;
         let (scene, mut bodies) = handles::with(scene as usize, |object: &mut SceneObject| Ok(object.parts()))?;
         Simulation::check_room(&context, &scene)?;
-        bodies.complete(&scene, &Cache::of(&context), &mut |_| Ok(()))?;
-        let mut made = Simulation::with_bodies(&context, &scene, bodies)?;
+        bodies.complete(&scene, &Cache::of(&context), &mut |state| tell(progress, user, &state))?;
+        let watch = Box::new(move |done| tell_of_kernels(progress, user, done));
+        let mut made = watched(watch, || Simulation::with_bodies(&context, &scene, bodies))?;
         made.time_every(0)?;
         let object = SimulationObject { simulation: made, has_failed: false };
         *simulation = handles::insert_with(object, Arc::new(SimulationSteps::default())) as *mut palpate_simulation;

@@ -23,7 +23,8 @@ use palpate_capi::context::{
 use palpate_capi::describe::*;
 use palpate_capi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_load, palpate_scene_parse};
 use palpate_capi::simulation::{
-    palpate_nodes, palpate_pose, palpate_simulation_create, palpate_simulation_destroy, palpate_step, palpate_wrench,
+    palpate_nodes, palpate_pose, palpate_simulation_create, palpate_simulation_create_with_progress,
+    palpate_simulation_destroy, palpate_step, palpate_wrench,
 };
 use palpate_capi::status::{palpate_last_error, palpate_status};
 use palpate_status::{Argument, Busy, Cancelled, Handle, Input, Null};

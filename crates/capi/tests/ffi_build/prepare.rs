@@ -44,9 +44,9 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
         let status = unsafe { palpate_scene_prepare(scene, Some(watch), (&raw mut watcher).cast()) };
         (status, watcher.seen)
     };
-    let (status, seen) = prepare(3);
+    let (status, seen) = prepare(4);
     refused(status, Cancelled, "the callback cancelled the preparation before stage `repair` of `ball`");
-    assert_eq!(seen.len(), 4);
+    assert_eq!(seen.len(), 5);
     let (status, seen) = prepare(usize::MAX);
     ok(status);
     let stages = |of: &str| -> Vec<&str> {
@@ -54,9 +54,13 @@ fn preparing_tells_its_stages_and_ends_where_the_callback_wants() {
         stages.dedup();
         stages
     };
-    assert_eq!(stages("ball"), ["cache", "read", "repair", "layer", "embed", "proxies", "cache", "bind"]);
-    assert!(stages("tool").starts_with(&["cache"]));
-    assert!(seen.iter().all(|(name, _, done, total)| *total == 3 && *done == if name == "tool" { 2 } else { 1 }));
+    assert_eq!(stages("ball"), ["cache", "read", "repair", "layer", "embed", "proxies", "cache", "bind", "ready"]);
+    assert!(stages("tool").starts_with(&["cache"]) && stages("tool").ends_with(&["ready"]));
+    let before = |name: &str| ["floor", "ball", "tool"].iter().position(|other| *other == name).unwrap() as u32;
+    let counts = |(name, stage, done, total): &(String, String, u32, u32)| {
+        *total == 3 && *done == before(name) + u32::from(stage == "ready")
+    };
+    assert!(seen.iter().all(counts), "numbers of bodies that are ready: {seen:?}");
     // All bodies are ready now, so the callback is not called until another body is added.
     assert_eq!(prepare(0), (palpate_status::Ok, Vec::new()));
     ok(add_body(scene, &palpate_body { name: c"other".as_ptr(), ..body }));
@@ -123,4 +127,56 @@ fn a_context_refuses_what_it_cannot_be_told() {
         refused(unsafe { palpate_context_create(&wrong, &mut none) }, Argument, words);
         assert!(none.is_null());
     }
+}
+
+/// What the callback of [`palpate_simulation_create_with_progress`] was told of GPU kernels, and the number of them
+/// after which it cancels.
+struct Kernels {
+    seen: Vec<(String, u32, u32)>,
+    most: u32,
+}
+
+unsafe extern "C" fn count(user: *mut c_void, _: *const c_char, stage: *const c_char, done: u32, total: u32) -> i32 {
+    // SAFETY: `user` is the `Kernels` that the test passed, and the text is terminated by a zero byte.
+    let (kernels, stage) = unsafe { (&mut *user.cast::<Kernels>(), CStr::from_ptr(stage).to_str().unwrap()) };
+    kernels.seen.push((stage.into(), done, total));
+    i32::from(stage == "kernels" && done >= kernels.most)
+}
+
+#[test]
+fn making_a_simulation_tells_of_kernels_once_and_ends_where_the_callback_wants() {
+    let scene = empty();
+    ok(add_surface(scene, c"skin", &ball(0.05)));
+    ok(add_body(scene, &palpate_body { name: c"ball".as_ptr(), surface: c"skin".as_ptr(), across: 5, ..soft() }));
+    ok(set_tool(scene, &presser()));
+    let mut context = null_mut();
+    // SAFETY: null options are allowed, and the output pointer leads to a live local variable.
+    ok(unsafe { palpate_context_create(null(), &mut context) });
+    let make = |most| {
+        let (mut simulation, mut kernels) = (null_mut(), Kernels { seen: Vec::new(), most });
+        let user = (&raw mut kernels).cast();
+        // SAFETY: `kernels`, which the callback uses, outlives the call; the library checks handles.
+        let status =
+            unsafe { palpate_simulation_create_with_progress(context, scene, Some(count), user, &mut simulation) };
+        (status, simulation, kernels.seen)
+    };
+    let compiled = |seen: &[(String, u32, u32)]| -> Vec<(u32, u32)> {
+        seen.iter().filter(|(stage, ..)| stage == "kernels").map(|(_, done, total)| (*done, *total)).collect()
+    };
+    let (status, simulation, seen) = make(3);
+    refused(status, Cancelled, "the callback cancelled the work after 3 GPU kernels");
+    assert!(simulation.is_null());
+    assert!(seen.iter().any(|(stage, done, total)| stage == "ready" && *done == 1 && *total == 2), "{seen:?}");
+    assert_eq!(compiled(&seen), [(0, 0), (1, 0), (2, 0), (3, 0)]);
+    let (status, first, seen) = make(u32::MAX);
+    ok(status);
+    let rest = compiled(&seen).len();
+    assert!(rest > 10, "only {rest} kernels were compiled");
+    let (status, second, seen) = make(u32::MAX);
+    ok(status);
+    assert_eq!(compiled(&seen), [], "a second simulation of the same body compiles nothing");
+    ok(palpate_simulation_destroy(first));
+    ok(palpate_simulation_destroy(second));
+    ok(palpate_scene_destroy(scene));
+    ok(palpate_context_destroy(context));
 }
