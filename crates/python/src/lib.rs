@@ -8,6 +8,7 @@
 mod arrays;
 mod context;
 mod failure;
+mod hold;
 mod identify;
 mod query;
 mod scene;

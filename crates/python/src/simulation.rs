@@ -1,6 +1,7 @@
 //! Simulations: steps, what they leave, changes between them, states and pictures.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::{self, ThreadId};
 use std::time::Duration;
 
 use glam::DVec3;
@@ -16,6 +17,7 @@ use pyo3::types::PyBytes;
 use crate::arrays::{PlainPose, Points, numbers, plain, points, pose, rows};
 use crate::context::{Context, OPENING, options};
 use crate::failure::{raise, wrong};
+use crate::hold::hold;
 use crate::scene::Scene;
 use crate::skins::{SkinCopies, view};
 
@@ -35,6 +37,25 @@ type PlainReport = (
     Vec<[f64; 3]>,
     (u32, u32, u32, u32),
 );
+
+/// Says which thread waits for the haptic loop, until it is dropped.
+struct Held<'a>(&'a Mutex<Option<ThreadId>>);
+
+impl Held<'_> {
+    fn by_this_thread(holder: &Mutex<Option<ThreadId>>) -> Held<'_> {
+        *holder.lock().unwrap_or_else(PoisonError::into_inner) = Some(thread::current().id());
+        Held(holder)
+    }
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+/// What a run of the haptic loop reports; see [`Simulation::hold`].
+type PlainSession = (u64, u64, f64, f64, Option<String>, Vec<String>, String);
 
 /// The contacts of a step by columns: bodies, vertex, position, normal, depth, area, pressure, friction.
 type PlainContacts<'py> = (
@@ -59,6 +80,8 @@ struct State {
 #[pyclass(frozen, module = "palpate.native")]
 pub struct Simulation {
     state: Mutex<State>,
+    /// The thread that waits for the haptic loop, while it runs.
+    holder: Mutex<Option<ThreadId>>,
     /// Names of the bodies, by index.
     #[pyo3(get)]
     bodies: Vec<String>,
@@ -67,13 +90,23 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Waits for the state; on the thread that waits for the simulation's own haptic loop this is an error.
+    fn lock(&self) -> palpate::Result<MutexGuard<'_, State>> {
+        if *self.holder.lock().unwrap_or_else(PoisonError::into_inner) == Some(thread::current().id()) {
+            let problem = "the simulation is in its haptic loop";
+            return Err(palpate::Error::Usage(format!("{problem}; call it when `hold` has returned")));
+        }
+        Ok(self.state.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Calls `work` without the interpreter's lock.
     fn with<T: Send>(&self, py: Python<'_>, work: impl Send + FnOnce(&mut State) -> palpate::Result<T>) -> PyResult<T> {
-        py.detach(|| work(&mut self.lock())).map_err(raise)
+        py.detach(|| work(&mut *self.lock()?)).map_err(raise)
+    }
+
+    /// What `of` reads of the simulation, without the interpreter's lock.
+    fn read<T: Send>(&self, py: Python<'_>, of: impl Send + FnOnce(&palpate::Simulation) -> T) -> PyResult<T> {
+        self.with(py, |state| Ok(of(&state.simulation)))
     }
 }
 
@@ -101,7 +134,8 @@ impl Simulation {
         simulation.time_every(0).map_err(raise)?;
         let bodies = simulation.scene().bodies.iter().map(|body| body.name.clone()).collect();
         let device = simulation.context().device_name().to_string();
-        Ok(Simulation { state: Mutex::new(State { simulation, skins: None, studio: None }), bodies, device })
+        let state = Mutex::new(State { simulation, skins: None, studio: None });
+        Ok(Simulation { state, holder: Mutex::new(None), bodies, device })
     }
 
     /// Simulates a step; the haptic device moves to `target`, or follows the scene's keys.
@@ -115,13 +149,33 @@ impl Simulation {
     }
 
     #[getter]
-    fn time(&self, py: Python<'_>) -> f64 {
-        py.detach(|| self.lock().simulation.time())
+    fn time(&self, py: Python<'_>) -> PyResult<f64> {
+        self.read(py, palpate::Simulation::time)
     }
 
-    /// Notes on what preparation changed in the bodies' mesh files.
-    fn notes(&self, py: Python<'_>) -> Vec<String> {
-        py.detach(|| self.lock().simulation.reports().flat_map(|(_, report)| report.notes.clone()).collect())
+    /// Runs the haptic loop; returns ticks, steps, pace, greatest force, why it ended early, notes, and the rest as JSON.
+    #[pyo3(signature = (seconds, device, every, watch))]
+    fn hold(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        device: Option<String>,
+        every: f64,
+        watch: Option<Py<PyAny>>,
+    ) -> PyResult<PlainSession> {
+        let report = py.detach(|| {
+            let mut state = self.lock().map_err(raise)?;
+            let _held = Held::by_this_thread(&self.holder);
+            hold(&mut state.simulation, device.as_deref(), seconds, every, watch.as_ref())
+        })?;
+        let all = palpate_cli::session_summary(&report).to_string();
+        let ticks = report.lateness.ticks();
+        Ok((ticks, report.steps, report.pace, report.peak_force, report.ended, report.notes, all))
+    }
+
+    /// Notes on values that are most likely a mistake, and on what preparation changed in the bodies' mesh files.
+    fn notes(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.read(py, palpate::Simulation::notes)
     }
 
     fn contacts<'py>(&self, py: Python<'py>) -> PyResult<PlainContacts<'py>> {
@@ -153,10 +207,10 @@ impl Simulation {
 
     /// Nodes of each tetrahedron of a soft body; empty for another body.
     fn tetrahedra<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        let tetrahedra = py.detach(|| match self.lock().simulation.bodies().get(body).map(|body| &body.shape) {
+        let tetrahedra = self.read(py, |simulation| match simulation.bodies().get(body).map(|body| &body.shape) {
             Some(Shape::Soft { layer, .. }) => layer.tetrahedra.clone(),
             _ => Vec::new(),
-        });
+        })?;
         rows(py, &tetrahedra)
     }
 
@@ -172,7 +226,7 @@ impl Simulation {
     }
 
     fn triangles<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Bound<'py, PyArray2<u32>>> {
-        let triangles = py.detach(|| self.lock().simulation.skin_triangles(body).to_vec());
+        let triangles = self.read(py, |simulation| simulation.skin_triangles(body).to_vec())?;
         rows(py, &triangles)
     }
 
@@ -185,9 +239,9 @@ impl Simulation {
     }
 
     /// Young's modulus, Poisson's ratio, density and both damping coefficients of each material of a body.
-    fn materials(&self, py: Python<'_>, body: usize) -> Vec<[f64; 5]> {
+    fn materials(&self, py: Python<'_>, body: usize) -> PyResult<Vec<[f64; 5]>> {
         let plain = |m: &Material| [m.young, m.poisson, m.density, m.damping_mass, m.damping_stiffness];
-        py.detach(|| self.lock().simulation.materials(body).iter().map(plain).collect())
+        self.read(py, |simulation| simulation.materials(body).iter().map(plain).collect())
     }
 
     fn set_material(&self, py: Python<'_>, body: usize, index: usize, values: [f64; 5]) -> PyResult<()> {
@@ -230,8 +284,8 @@ impl Simulation {
         self.with(py, |state| state.simulation.set_coupling(coupling))
     }
 
-    fn core_pose(&self, py: Python<'_>, body: usize, core: usize) -> Option<PlainPose> {
-        py.detach(|| self.lock().simulation.core_pose(body, core).as_ref().map(plain))
+    fn core_pose(&self, py: Python<'_>, body: usize, core: usize) -> PyResult<Option<PlainPose>> {
+        self.read(py, |simulation| simulation.core_pose(body, core).as_ref().map(plain))
     }
 
     fn move_core(&self, py: Python<'_>, body: usize, core: usize, target: PlainPose, seconds: f64) -> PyResult<()> {

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import palpate
 import pytest
-from palpate import Flags, InputError, Material, Pose, Scene, Simulation
+from palpate import Flags, InputError, Material, Pose, Sample, Scene, Simulation
 
 BLOCK: dict[str, Any] = {
     "step": {"dt": 0.002, "gravity": [0.0, 0.0, 0.0]},
@@ -57,6 +57,41 @@ def test_forces_have_the_bits_of_the_program(tmp_path: Path) -> None:
         assert trace.force[:, axis].tolist() == expected
     assert [report.contact_count for report in trace] == [int(row["contacts"]) for row in rows]
     assert trace[-1].force is not None and trace[-1].force.any()
+
+
+def test_a_haptic_device_holds_the_tool_and_python_watches() -> None:
+    simulation = Simulation(Scene(BLOCK))
+    seen: list[Sample] = []
+    session = simulation.hold(0.4, device="scripted", watch=seen.append, every=0.03)
+    assert session.ended is None and session.steps > 10 and session.ticks > 200, session
+    assert session.peak_force > 0.05 and session.summary["peak_force_n"] == session.peak_force
+    assert 3 <= len(seen) <= 14, f"{len(seen)} samples in 0.4 s, one each 0.03 s wanted"
+    times = [sample.time for sample in seen]
+    assert times == sorted(times) and 0.2 < times[-1] <= 0.5
+    assert np.allclose(seen[-1].device.position, (0.0, 0.004, 0.0), atol=1e-3)
+    assert seen[-1].tool.position[1] > 0.004 and seen[-1].contact_force[1] > 0.05
+    # The simulation goes on from where the loop left it.
+    before = simulation.time
+    assert simulation.step().time > before
+
+
+def test_a_watcher_ends_the_haptic_loop_and_may_not_call_the_simulation() -> None:
+    simulation = Simulation(Scene(BLOCK))
+    session = simulation.hold(60.0, device="scripted", watch=lambda sample: sample.time < 0.1)
+    assert session.ended == "it was stopped"
+
+    def steps(_: Sample) -> None:
+        simulation.step()
+
+    with pytest.raises(InputError, match="in its haptic loop"):
+        simulation.hold(60.0, device="scripted", watch=steps)
+    assert simulation.time > 0.0
+    with pytest.raises(InputError, match="no haptic device phantom; give one of"):
+        simulation.hold(1.0, device="phantom")
+    with pytest.raises(InputError, match="give finite times above 0"):
+        simulation.hold(float("inf"))
+    with pytest.raises(InputError, match="no tool"):
+        Simulation(Scene({"body": BLOCK["body"]})).hold(1.0)
 
 
 def test_contacts_add_up_to_the_force(pressed: Simulation) -> None:

@@ -27,7 +27,19 @@ from .plain import Floats, Indices
 from .program import film, prepare
 from .query import Overlap, Query
 from .scene import Scene, shipped_scenes
-from .simulation import Contacts, Material, Pose, PoseLike, Simulation, Skin, StepReport, Trace, Work
+from .simulation import (
+    Contacts,
+    Material,
+    Pose,
+    PoseLike,
+    Sample,
+    Session,
+    Simulation,
+    Skin,
+    StepReport,
+    Trace,
+    Work,
+)
 from .sweep import Sweep, sweep
 
 __all__ = [
@@ -49,7 +61,9 @@ __all__ = [
     "Pose",
     "PoseLike",
     "Query",
+    "Sample",
     "Scene",
+    "Session",
     "Simulation",
     "SimulationError",
     "Skin",

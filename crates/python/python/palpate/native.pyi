@@ -1,11 +1,24 @@
 """The compiled part of the package; :mod:`palpate` documents what it does."""
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .plain import Answer, Floats, Indices, Mesh, PlainContacts, PlainPose, ReadPose, Report, Vector
+from .plain import (
+    Answer,
+    Floats,
+    Indices,
+    Mesh,
+    PlainContacts,
+    PlainPose,
+    PlainSession,
+    ReadPose,
+    Report,
+    Tick,
+    Vector,
+)
 
 __version__: str
 
@@ -72,6 +85,9 @@ class Simulation:
     @property
     def time(self) -> float: ...
     def step(self, target: PlainPose | None) -> Report: ...
+    def hold(
+        self, seconds: float, device: str | None, every: float, watch: Callable[[Tick], object] | None
+    ) -> PlainSession: ...
     def notes(self) -> list[str]: ...
     def contacts(self) -> PlainContacts: ...
     def nodes(self, body: int) -> tuple[Floats, Floats]: ...

@@ -28,5 +28,9 @@ Report: TypeAlias = tuple[
 ]
 """Step, time, the tool (force, torque, its pose, the device's pose), contacts, greatest depth, iterations, residual, flags,
 microseconds, probes, and the work."""
+Tick: TypeAlias = tuple[float, ReadPose, ReadPose, list[float], list[float], list[float], float]
+"""Time, poses of device and tool, force and torque played, contact force, and age of the newest wrench."""
+PlainSession: TypeAlias = tuple[int, int, float, float, str | None, list[str], str]
+"""Ticks, steps, pace, greatest force, why it ended early, notes, and all of it as JSON."""
 PlainContacts: TypeAlias = tuple[Indices, Indices, Floats, Floats, Floats, Floats, Floats, Floats]
 Answer: TypeAlias = tuple[Indices, Indices, Floats, Floats, Indices, Floats, Floats, int]

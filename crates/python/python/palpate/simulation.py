@@ -1,11 +1,12 @@
 """Simulations of scenes, step by step."""
 
+import json
 import operator
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, SupportsIndex, TypeAlias, cast
+from typing import Any, NamedTuple, SupportsIndex, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +15,7 @@ from . import native
 from .context import Context
 from .errors import InputError
 from .flags import Flags
-from .plain import Floats, Indices, PlainPose, ReadPose, Report
+from .plain import Floats, Indices, PlainPose, ReadPose, Report, Tick
 from .scene import Scene
 
 
@@ -76,6 +77,44 @@ class StepReport:
     """World positions of the scene's probes, m, shape (P, 3)."""
     work: Work
     """What the step asked of the GPU."""
+
+
+class Sample(NamedTuple):
+    """The haptic loop as it was at one of its ticks (iterations)."""
+
+    time: float
+    """Time since the loop began, s."""
+    device: Pose
+    """Pose of the haptic device."""
+    tool: Pose
+    """Pose of the tool."""
+    force: Floats
+    """Force played to the hand, N, shape (3,)."""
+    torque: Floats
+    """Torque played to the hand, N m, shape (3,)."""
+    contact_force: Floats
+    """Contact force on the tool, N, shape (3,)."""
+    age: float
+    """Time since the inputs of the newest step were taken, s."""
+
+
+class Session(NamedTuple):
+    """What a run of the haptic loop was like."""
+
+    ticks: int
+    """Number of ticks (iterations of the loop)."""
+    steps: int
+    """Number of simulation steps meanwhile."""
+    pace: float
+    """Simulated time over elapsed time; below 1, bodies moved more slowly than in reality."""
+    peak_force: float
+    """Greatest force played, N."""
+    ended: str | None
+    """Why it ended early; ``None`` if it did not."""
+    notes: list[str]
+    """What a user should know, a sentence each."""
+    summary: dict[str, Any]
+    """All of it with lateness, energy and events, as ``haptics`` in ``summary.json``; names have units."""
 
 
 class Contacts(NamedTuple):
@@ -274,6 +313,41 @@ class Simulation:
                 print(f"\r{self.scene.name}: {100 * (step + 1) // count} %", end=end, file=sys.stderr, flush=True)
         return trace
 
+    def hold(
+        self,
+        seconds: float,
+        *,
+        device: str | None = None,
+        watch: Callable[[Sample], object] | None = None,
+        every: float = 0.02,
+    ) -> Session:
+        """Let a haptic device hold the tool: run the haptic loop in real time, at the rate of the scene's ``[haptics]``.
+
+        Loop and simulation run outside the interpreter, which cannot delay a force. Called on the main thread, Ctrl-C
+        ends the loop and releases the device.
+
+        Args:
+            seconds: Duration, s.
+            device: ``"scripted"`` (follows the scene's ``[drive]``), ``"hand"`` (a simulated hand), ``"haply"`` or
+                ``"replay"``; ``None``: the scene's.
+            watch: Called on this thread with the newest :class:`Sample`. If it returns ``False``, the loop ends; if it
+                raises, too, and the error comes out of this call. It may not call the simulation.
+            every: Time between two calls of ``watch``, s.
+
+        Raises:
+            InputError: The scene has no tool, or there is no such device.
+            DeviceError: The device cannot be opened.
+        """
+        if not (0.0 < seconds < float("inf") and 0.0 < every < float("inf")):
+            raise InputError(f"seconds is {seconds}, every is {every}; give finite times above 0")
+
+        def show(tick: Tick) -> object:
+            return None if watch is None else watch(_sample(tick))
+
+        told = self._native.hold(seconds, device, every, None if watch is None else show)
+        ticks, steps, pace, peak_force, ended, notes, summary = told
+        return Session(ticks, steps, pace, peak_force, ended, notes, json.loads(summary))
+
     @property
     def time(self) -> float:
         """Simulated time at the end of the last step, s."""
@@ -291,7 +365,7 @@ class Simulation:
 
     @property
     def notes(self) -> list[str]:
-        """What preparation changed in the bodies' mesh files, a sentence each."""
+        """Values that are most likely a mistake, and what preparation changed in mesh files, a sentence each."""
         return self._native.notes()
 
     def contacts(self) -> Contacts:
@@ -446,6 +520,12 @@ def _plain_pose(pose: ReadPose) -> Pose:
         cast(tuple[float, float, float], tuple(position)),
         cast(tuple[float, float, float, float], tuple(orientation)),
     )
+
+
+def _sample(tick: Tick) -> Sample:
+    time, device, tool, force, torque, contact, age = tick
+    poses = _plain_pose(device), _plain_pose(tool)
+    return Sample(time, *poses, np.array(force), np.array(torque), np.array(contact), age)
 
 
 def _report(plain: Report) -> StepReport:
