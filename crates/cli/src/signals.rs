@@ -5,10 +5,10 @@
 //! Python, nothing is done with signals.
 
 use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::{io, thread};
 
 use palpate::{Error, Result};
 
@@ -22,7 +22,8 @@ struct State {
 /// A flag that the next signal sets.
 struct Waiting {
     flag: Arc<AtomicBool>,
-    /// Whether a signal that suspends the program sets the flag too.
+    /// Whether a signal that suspends the program sets the flag too; only Unix has one.
+    #[cfg_attr(not(unix), allow(dead_code))]
     takes_suspend: bool,
 }
 
@@ -168,6 +169,8 @@ fn no_handlers(error: io::Error) -> Error {
 
 #[cfg(unix)]
 mod received {
+    use std::thread;
+
     use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGTSTP};
     use signal_hook::iterator::Signals;
     use signal_hook::low_level::emulate_default_handler;

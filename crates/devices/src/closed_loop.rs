@@ -172,3 +172,53 @@ fn a_press_and_release_gives_the_hand_no_energy() {
         hand.energy()
     );
 }
+
+/// A hand presses, holds and releases all day. Clocks, counters and energies grow all the time; what is felt may not
+/// change with them.
+#[test]
+#[ignore = "long: minutes"]
+fn lasting_a_day_feels_the_same_at_its_end_as_at_its_beginning() {
+    const CYCLE: f64 = 10.0;
+    const CYCLES: usize = 24 * 360;
+    let of_cycle = |k: usize| {
+        [(0.0, 0.005), (2.0, 0.005), (4.0, -0.01), (7.0, -0.01), (9.0, 0.005)]
+            .map(|(time, y)| key(k as f64 * CYCLE + time, y))
+    };
+    let keys: Vec<Key> = (0..CYCLES).flat_map(of_cycle).collect();
+    let profile = Profile::named("premium").unwrap();
+    let (mut servo, mut wall) = make(profile, 1000.0, |_| ());
+    let mut hand = Hand::new(HandParameters::default(), Trajectory::new(&keys, keys[0]), profile.clone()).unwrap();
+    hand.open().unwrap();
+    // The greatest force, the force in the middle of the hold, and the energy given to the hand so far, of each cycle.
+    let mut felt = vec![[0.0f64; 3]; CYCLES];
+    let ticks = (CYCLES as f64 * CYCLE / PERIOD) as u64;
+    let mut seen = 0;
+    virtual_time::run(&mut hand, &mut servo, &mut wall, Schedule::at(100.0, PERIOD), ticks, |tick| {
+        assert!(tick.played.force.is_finite() && tick.index == seen, "tick {seen}: {tick:?}");
+        assert!(tick.step == 0 || tick.staleness <= 0.0205, "tick {seen} has a wrench {} s old", tick.staleness);
+        seen += 1;
+        let within = tick.time % CYCLE;
+        let cycle = &mut felt[((tick.time / CYCLE) as usize).min(CYCLES - 1)];
+        let force = tick.played.force.length();
+        cycle[0] = cycle[0].max(force);
+        if (5.4995..5.5005).contains(&within) {
+            cycle[1] = force;
+        }
+        cycle[2] = tick.energy.net();
+    })
+    .unwrap();
+    assert_eq!(seen, ticks);
+    let [peak, hold, _] = felt[1];
+    assert!(hold > 1.0, "the hand feels {hold} N in the hold");
+    // What the hand gains in a cycle is at most what the controller allows for a coarse encoder: a quarter of its quantum
+    // of 20 um times twenty times the peak force.
+    let gain = felt[2][2] - felt[1][2];
+    let allowed = 0.25 * 2e-5 * 20.0 * peak;
+    assert!(gain <= allowed, "the hand gains {gain} J in a cycle, {allowed} are allowed");
+    for (k, cycle) in felt.iter().enumerate().skip(2) {
+        assert!((cycle[0] - peak).abs() < 1e-6 * peak, "cycle {k}: peak {} N, in the second {peak} N", cycle[0]);
+        assert!((cycle[1] - hold).abs() < 1e-6 * hold, "cycle {k}: hold {} N, in the second {hold} N", cycle[1]);
+        let gained = cycle[2] - felt[k - 1][2];
+        assert!((gained - gain).abs() < 0.01 * allowed, "cycle {k}: the hand gains {gained} J, in the third {gain} J");
+    }
+}

@@ -33,6 +33,12 @@ use exchange::{Exchange, MANY_GARBLED, Order, STATE_LIFE, Shot, Tally};
 use kind::Identity;
 use link::Address;
 
+/// Position, m, and velocity, m/s, that a message of the service gives; `None` where it is refused. For fuzzing.
+#[doc(hidden)]
+pub fn read_message(text: &str) -> Option<[DVec3; 2]> {
+    protocol::find(text, None).ok().map(|(_, state)| [state.position, state.velocity])
+}
+
 /// Longest time that [`Haply::open`](Device::open) waits for the device's first state.
 const OPEN_WAIT: Duration = Duration::from_secs(2);
 /// Longest time that closing waits for the end of the exchange thread; a slower thread ends by itself later.
