@@ -208,17 +208,21 @@ fn lasting_a_day_feels_the_same_at_its_end_as_at_its_beginning() {
     })
     .unwrap();
     assert_eq!(seen, ticks);
-    let [peak, hold, _] = felt[1];
+    let hold = felt[1][1];
     assert!(hold > 1.0, "the hand feels {hold} N in the hold");
-    // What the hand gains in a cycle is at most what the controller allows for a coarse encoder: a quarter of its quantum
-    // of 20 um times twenty times the peak force.
-    let gain = felt[2][2] - felt[1][2];
-    let allowed = 0.25 * 2e-5 * 20.0 * peak;
-    assert!(gain <= allowed, "the hand gains {gain} J in a cycle, {allowed} are allowed");
     for (k, cycle) in felt.iter().enumerate().skip(2) {
-        assert!((cycle[0] - peak).abs() < 1e-6 * peak, "cycle {k}: peak {} N, in the second {peak} N", cycle[0]);
         assert!((cycle[1] - hold).abs() < 1e-6 * hold, "cycle {k}: hold {} N, in the second {hold} N", cycle[1]);
-        let gained = cycle[2] - felt[k - 1][2];
-        assert!((gained - gain).abs() < 0.01 * allowed, "cycle {k}: the hand gains {gained} J, in the third {gain} J");
     }
+    // The overshoot before the hold differs by some percent from cycle to cycle.
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let peaks: Vec<f64> = felt[1..].iter().map(|cycle| cycle[0]).collect();
+    let most = peaks.iter().copied().fold(0.0, f64::max);
+    let [early, late] = [mean(&peaks[..CYCLES / 10]), mean(&peaks[peaks.len() - CYCLES / 10..])];
+    assert!(
+        most < 1.1 * early && (late / early - 1.0).abs() < 0.02,
+        "peaks: {early} N, later {late} N, at most {most}"
+    );
+    // The bound that docs/understanding/passivity-and-safety.md gives for a press.
+    let gain = felt.windows(2).map(|pair| pair[1][2] - pair[0][2]).fold(0.0, f64::max);
+    assert!(gain <= 6e-4, "the hand gains up to {gain} J in a cycle");
 }

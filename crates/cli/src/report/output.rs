@@ -2,8 +2,9 @@
 //!
 //! Files are written into a hidden folder inside the directory and moved to their names by [`Output::commit`]. If an
 //! [`Output`] is dropped without a commit, or a signal ends the program, nothing is left, not even the directory if it
-//! was made for the run. A process that is killed (on Windows, interrupted) can leave the hidden folder, but never a half-written result; the next
-//! run with the same directory removes it. Two runs cannot write one directory at the same time.
+//! was made for the run. A process that is killed (on Windows, interrupted) can leave the hidden folder, but never a
+//! half-written result; the next run with the same directory removes it. Two runs cannot write one directory at the same
+//! time, but on file systems without locks.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -118,17 +119,18 @@ fn locked(folder: &Path) -> io::Result<Option<File>> {
             Ok(lock) => lock,
         };
         let lock = match lock.try_lock() {
-            Ok(()) if is_at(&lock, &path) => Some(lock),
+            Ok(()) if is_at(&lock, &path) => lock,
             Ok(()) => continue,
             Err(TryLockError::WouldBlock) => {
                 return Err(io::Error::new(ErrorKind::ResourceBusy, "another run is writing there now"));
             }
-            Err(TryLockError::Error(_)) => None,
+            // Whether what lies there is of a killed run or of one that goes on, nobody knows.
+            Err(TryLockError::Error(_)) => return Ok(None),
         };
         for entry in fs::read_dir(folder)?.flatten().filter(|entry| entry.file_name() != LOCK) {
             fs::remove_file(entry.path())?;
         }
-        return Ok(lock);
+        return Ok(Some(lock));
     }
     Err(io::Error::new(ErrorKind::ResourceBusy, "other runs write there all the time"))
 }
