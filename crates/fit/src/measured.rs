@@ -69,6 +69,7 @@ impl Measured {
             let known = units.iter().find(|(known, _)| known == unit).map(|(_, factor)| *factor);
             known.ok_or_else(|| {
                 let names = units.iter().map(|(unit, _)| *unit).collect::<Vec<_>>().join(", ");
+                let unit = unit.escape_debug();
                 wrong(Some(1), format!("the column {name} has the unit \"{unit}\", none of {names}"))
             })
         };
@@ -81,7 +82,8 @@ impl Measured {
                 let text = record.get(column).unwrap_or_default();
                 let number = text.parse().ok().filter(|number: &f64| number.is_finite());
                 number.ok_or_else(|| {
-                    Error::input(file, line, format!("\"{text}\" is no number"), "correct or remove the line")
+                    let problem = format!("\"{}\" is no number", text.escape_debug());
+                    Error::input(file, line, problem, "correct or remove the line")
                 })
             };
             points.push((factors[0] * number(x)?, factors[1] * number(force)?));
@@ -132,6 +134,7 @@ mod tests {
             ("time (s),b\n1,2\n", "no column is called force"),
             ("time,force (N)\n1,2\n", "none of s, ms"),
             ("time (s),force (N)\n1,2\n2,x\n3,4\n", "curve.csv:3: \"x\" is no number"),
+            ("time (s),force (N)\n1,2\n2,\"x\ny\"\n3,4\n", "curve.csv:3: \"x\\ny\" is no number"),
             ("time (s),force (N)\n1,2\n2,inf\n3,4\n", "curve.csv:3"),
             ("time (s),force (N)\n1,2\n2,3\n", "three or more"),
         ] {
