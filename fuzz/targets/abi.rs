@@ -37,9 +37,8 @@ const TEXTS: [&CStr; 6] = [
       [tool]\nsphere = 0.01\nmass = 0.05\nposition = [0.0, 0.0095, 0.0]\n",
     c"[coupling]\nstiffness = 500.0\ndamping = 5.0\n",
 ];
-const NUMBERS: [f64; 14] = [
-    0.0, 1.0, -1.0, 0.001, 0.01, 0.05, 0.45, 1e3, 2e4, 1e10, 1e300, f64::NAN, f64::INFINITY, f64::MIN_POSITIVE,
-];
+const NUMBERS: [f64; 14] =
+    [0.0, 1.0, -1.0, 0.001, 0.01, 0.05, 0.45, 1e3, 2e4, 1e10, 1e300, f64::NAN, f64::INFINITY, f64::MIN_POSITIVE];
 
 /// The bytes of a sequence, which end in zeros.
 struct Choices<'a>(&'a [u8]);
