@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 
 use palpate::Scene;
+use palpate::scene::tetrahedra;
 use tempfile::TempDir;
 
 thread_local! {
@@ -38,6 +39,14 @@ pub fn fair<T>(result: palpate::Result<T>) -> Option<T> {
             None
         }
     }
+}
+
+/// Reads a tetrahedral mesh from a file of this name, and requires that an accepted one is sound.
+pub fn layer(name: &str, bytes: &[u8]) {
+    let Some(mesh) = fair(in_file(name, bytes, tetrahedra::read)) else { return };
+    let count = mesh.nodes.len() as u32;
+    assert!(mesh.nodes.iter().all(|node| node.is_finite()));
+    assert!(mesh.tetrahedra.iter().flatten().all(|node| *node < count));
 }
 
 /// The scene of a text, as if from a file in `folder`.

@@ -313,6 +313,10 @@ fuzz_target!(|bytes: &[u8]| {
             }
         }
     }
-    simulations.into_iter().for_each(|simulation| drop(palpate_simulation_destroy(simulation)));
-    scenes.into_iter().for_each(|scene| drop(palpate_scene_destroy(scene)));
+    for simulation in simulations {
+        check(palpate_simulation_destroy(simulation));
+    }
+    for scene in scenes {
+        check(palpate_scene_destroy(scene));
+    }
 });

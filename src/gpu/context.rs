@@ -486,8 +486,8 @@ impl Context {
 impl Drop for Context {
     fn drop(&mut self) {
         // SAFETY: buffers, kernels and recordings hold an Arc of this context, so none of them is left but the kernels
-        // that the context itself keeps, and each recording has waited for its own work. Each object is destroyed before the object that it was made from, and
-        // is not used afterwards.
+        // that the context itself keeps, and each recording has waited for its own work. Each object is destroyed before
+        // the object that it was made from, and is not used afterwards.
         unsafe {
             self.wait_idle();
             self.save_pipeline_cache();

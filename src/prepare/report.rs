@@ -37,18 +37,6 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// Every stage, in order.
-    pub const ALL: [Stage; 8] = [
-        Stage::Cache,
-        Stage::Read,
-        Stage::Repair,
-        Stage::Layer,
-        Stage::Embed,
-        Stage::Proxies,
-        Stage::Bind,
-        Stage::Ready,
-    ];
-
     /// Name of the stage, for display.
     pub fn name(self) -> &'static str {
         match self {

@@ -250,8 +250,7 @@ fn show(bar: &ProgressBar, stage: Stage) {
     bar.set_message(stage.name());
     // Reading the cache comes first and writing the cache comes last, but both are the same stage; the bar must not
     // move back at the end.
-    let reached = Stage::ALL.iter().position(|&s| s == stage).unwrap_or(0) as u64;
-    bar.set_position(reached.max(bar.position()));
+    bar.set_position((stage as u64).max(bar.position()));
 }
 
 /// Writes an image of the collision proxies, one of the layer cut open, one of the skin, and one of all three side by

@@ -115,20 +115,20 @@ impl Unfinished {
 }
 
 /// An [`Unfinished`] that is removed when this value is dropped, or when a signal ends the program before that.
-pub struct Removed {
+pub struct Temporary {
     unfinished: Arc<Unfinished>,
     /// The locked file; `None` on a file system without locks.
     _lock: Option<File>,
 }
 
-impl Removed {
+impl Temporary {
     /// Makes the folder by `make`, which returns it with its locked file. No signal comes between the two.
-    pub fn new(make: impl FnOnce() -> Result<(Unfinished, Option<File>)>) -> Result<Removed> {
+    pub fn new(make: impl FnOnce() -> Result<(Unfinished, Option<File>)>) -> Result<Temporary> {
         let mut state = listening()?;
         let (unfinished, lock) = make()?;
         let unfinished = Arc::new(unfinished);
         state.unfinished.push(unfinished.clone());
-        Ok(Removed { unfinished, _lock: lock })
+        Ok(Temporary { unfinished, _lock: lock })
     }
 
     /// The folder of unfinished files.
@@ -145,7 +145,7 @@ impl Removed {
     }
 }
 
-impl Drop for Removed {
+impl Drop for Temporary {
     fn drop(&mut self) {
         let mut state = state();
         state.unfinished.retain(|other| !Arc::ptr_eq(other, &self.unfinished));

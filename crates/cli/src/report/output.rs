@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use palpate::{Error, Result};
 
-use crate::signals::{Removed, Unfinished};
+use crate::signals::{Temporary, Unfinished};
 
 /// Name of the hidden folder.
 const HIDDEN: &str = ".palpate-unfinished";
@@ -24,7 +24,7 @@ const ATTEMPTS: u32 = 100;
 /// Files that are being written into a directory.
 pub struct Output {
     directory: PathBuf,
-    hidden: Removed,
+    hidden: Temporary,
     names: Vec<String>,
 }
 
@@ -39,7 +39,7 @@ impl Output {
         let missing = directory.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists());
         let mut made: Vec<PathBuf> = missing.map(Into::into).collect();
         made.reverse();
-        let hidden = Removed::new(|| {
+        let hidden = Temporary::new(|| {
             let lock = fs::create_dir_all(directory).and_then(|()| locked(&folder)).map_err(|source| {
                 for folder in made.iter().rev() {
                     let _ = fs::remove_dir(folder);
