@@ -164,7 +164,7 @@ pub(super) struct Keys<'a> {
 }
 
 impl<'a> Keys<'a> {
-    fn of_body(scene: &'a Scene, body: &'a scene::Body) -> Self {
+    pub fn of_body(scene: &'a Scene, body: &'a scene::Body) -> Self {
         let surface = match &body.shape {
             scene::Shape::Soft { surface, .. } => surface.as_ref(),
             scene::Shape::Rigid { surface } => Some(surface),

@@ -14,7 +14,7 @@ use super::cache::{Cache, Entry, Key, KeyMaker};
 use super::repair::{self, RepairReport};
 use super::report::{CacheUse, Log, Stage};
 use super::stuffing::{self, LayerReport, Options, stuff};
-use super::{Embedding, Layer, Proxy, Skin, embed, layer, proxies, proxy, skin};
+use super::{Embedding, Layer, MAX_HULL_VERTICES, Proxy, Skin, embed, layer, proxies, proxy, skin};
 use crate::scene::groups::Groups;
 use crate::scene::obj::{self, TriangleMesh};
 use crate::scene::tetrahedra::{self, TetMesh};
@@ -66,11 +66,14 @@ impl Recipe<'_> {
         let key = if cache.is_on() { log.stage(Stage::Cache, || self.key(keys))?.ok() } else { None };
         let Some(key) = key else { return self.make(keys, log) };
         match log.stage(Stage::Cache, || cache.load(&key))? {
-            Entry::Found(prepared) => {
+            Entry::Found(prepared) if self.can_have_made(&prepared) => {
                 log.cache = CacheUse::Found;
                 return Ok(prepared);
             }
-            Entry::Damaged(file) => log.notes.push(format!("{} is damaged and is made again", file.display())),
+            Entry::Found(_) | Entry::Damaged(_) => {
+                let file = cache.path(&key).unwrap_or_default();
+                log.notes.push(format!("{} is damaged and is made again", file.display()));
+            }
             Entry::Missing => {}
         }
         let prepared = self.make(keys, log)?;
@@ -82,6 +85,51 @@ impl Recipe<'_> {
         })?;
         log.notes.extend(kept.err());
         Ok(prepared)
+    }
+
+    /// Whether parts read from the cache are of the recipe's kind and fit together. All other code relies on that, and
+    /// a checksum shows only that an entry is as it was written.
+    fn can_have_made(&self, parts: &Prepared) -> bool {
+        let are_below = |indices: &[u32], count: usize| indices.iter().all(|&index| (index as usize) < count);
+        let are_finite = |points: &[DVec3]| points.iter().all(|point| point.is_finite());
+        let (vertices, triangles) = (parts.mesh.vertices.len(), parts.mesh.triangles.len());
+        let is_mesh = triangles > 0
+            && are_finite(&parts.mesh.vertices)
+            && are_below(parts.mesh.triangles.as_flattened(), vertices);
+        let is_layer = |layer: &Layer| {
+            let (nodes, tetrahedra) = (layer.nodes.len(), layer.tetrahedra.len());
+            let is_embedding = |e: &Embedding| {
+                (e.tetrahedron as usize) < tetrahedra && e.weights.iter().all(|weight| weight.is_finite())
+            };
+            tetrahedra > 0
+                && are_finite(&layer.nodes)
+                && are_below(layer.tetrahedra.as_flattened(), nodes)
+                && layer.tetrahedra.iter().all(|t| layer::volume6(&layer.nodes, t) > 0.0)
+                && layer.attached.len() == nodes
+                && parts.node_numbers.len() == nodes
+                && parts.node_numbers.is_sorted_by(|a, b| a < b)
+                && [0, tetrahedra].contains(&parts.groups.of.len())
+                && parts.embedding.len() == vertices
+                && parts.embedding.iter().all(is_embedding)
+        };
+        let is_proxy = |proxy: &Proxy| {
+            (1..=MAX_HULL_VERTICES).contains(&proxy.hull.len())
+                && are_finite(&proxy.hull)
+                && proxy.faces.iter().all(|(normal, offset)| normal.is_finite() && offset.is_finite())
+                && proxy.margin.is_finite()
+                && proxy.frame == 0
+        };
+        let owned = |of: fn(&Proxy) -> &[u32], count: usize| {
+            let mut all: Vec<u32> = parts.proxies.iter().flat_map(of).copied().collect();
+            all.sort_unstable();
+            all.len() == count && all.iter().zip(0..).all(|(&index, place)| index == place)
+        };
+        self.layer.is_some() == parts.layer.is_some()
+            && is_mesh
+            && parts.layer.iter().all(is_layer)
+            && parts.proxies.iter().all(is_proxy)
+            && owned(|proxy| &proxy.vertices, vertices)
+            && owned(|proxy| &proxy.triangles, triangles)
     }
 
     /// Advice in the error message which says that skin vertices lie far outside the layer.
@@ -310,4 +358,62 @@ fn cover(keys: &Keys, mesh: TriangleMesh, hulls: Option<u32>) -> Result<(Triangl
     let proxies = made.map_err(|p| keys.error("surface", p, "give a closed surface with volume"))?;
     let Skin { vertices, triangles, .. } = skin;
     Ok((TriangleMesh { vertices, triangles }, proxies))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::body_and_report;
+    use crate::scene::Scene;
+
+    const BOX: scene::Layer = scene::Layer::Box { low: DVec3::ZERO, high: DVec3::ONE, cells: [2, 1, 1] };
+    const SCENE: &str = "[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [2, 1, 1] }\n\
+                         material = { young = 1e4, poisson = 0.4, density = 1e3 }\n";
+
+    /// Every way in which an entry under a right checksum may be none that the recipe made.
+    #[test]
+    fn parts_that_do_not_fit_together_are_made_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(folder.path());
+        let scene = Scene::parse(Path::new("scene.toml"), SCENE).unwrap();
+        let found = || body_and_report(&scene.bodies[0], &scene, &cache, &mut |_| Ok(())).unwrap().1.unwrap();
+        assert_eq!(found().cache, CacheUse::Made);
+        assert_eq!(found().cache, CacheUse::Found);
+        let file = std::fs::read_dir(folder.path()).unwrap().next().unwrap().unwrap().path();
+        let recipe = Recipe { surface: None, layer: Some(&BOX), hulls: None };
+        let key = recipe.key(&Keys::of_body(&scene, &scene.bodies[0])).unwrap();
+        assert_eq!(cache.path(&key), Some(file));
+        let Entry::Found(sound) = cache.load::<Prepared>(&key) else { panic!("no entry") };
+        let spoil: [(&str, fn(&mut Prepared)); 20] = [
+            ("no layer", |parts| parts.layer = None),
+            ("no triangles", |parts| parts.mesh.triangles.clear()),
+            ("a triangle's vertex", |parts| parts.mesh.triangles[3][1] = 12),
+            ("a vertex", |parts| parts.mesh.vertices[2].y = f64::NAN),
+            ("vertices", |parts| parts.mesh.vertices.push(DVec3::ZERO)),
+            ("no tetrahedra", |parts| parts.layer.as_mut().unwrap().tetrahedra.clear()),
+            ("a tetrahedron's node", |parts| parts.layer.as_mut().unwrap().tetrahedra[5][0] = 12),
+            ("a node", |parts| parts.layer.as_mut().unwrap().nodes[0].x = f64::INFINITY),
+            ("a volume", |parts| parts.layer.as_mut().unwrap().tetrahedra[0].swap(0, 1)),
+            ("attached", |parts| parts.layer.as_mut().unwrap().attached.truncate(3)),
+            ("numbers", |parts| parts.node_numbers.truncate(3)),
+            ("order of numbers", |parts| parts.node_numbers.reverse()),
+            ("groups", |parts| parts.groups.of.push(None)),
+            ("embeddings", |parts| parts.embedding.truncate(3)),
+            ("an embedding's tetrahedron", |parts| parts.embedding[0].tetrahedron = 12),
+            ("a weight", |parts| parts.embedding[0].weights[0] = f64::NAN),
+            ("a hull", |parts| parts.proxies[0].hull = vec![DVec3::ZERO; MAX_HULL_VERTICES + 1]),
+            ("a frame", |parts| parts.proxies[0].frame = 1),
+            ("an owner of a vertex", |parts| parts.proxies[0].vertices[0] += 1),
+            ("no owner of a triangle", |parts| parts.proxies[0].triangles.truncate(3)),
+        ];
+        for (what, spoil) in spoil {
+            let mut parts = sound.clone();
+            spoil(&mut parts);
+            cache.store(&key, &parts).unwrap();
+            let report = found();
+            assert_eq!(report.cache, CacheUse::Made, "{what}");
+            assert!(report.notes.iter().any(|note| note.contains("is damaged and is made again")), "{what}");
+            assert_eq!(cache.load(&key), Entry::Found(sound.clone()), "{what}");
+        }
+    }
 }
