@@ -28,7 +28,7 @@ for target in "${targets[@]}"; do
         [ -d "$folder" ] && seeds+=("$folder")
     done
     echo "$target: $seconds s"
-    "$built/$target" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=4096 -max_len=65536 -print_final_stats=1 \
+    "$built/$target" -max_total_time="$seconds" -timeout=60 -rss_limit_mb=4096 -max_len=65536 -print_final_stats=1 \
         -artifact_prefix="artifacts/$target/" "corpus/$target" "${seeds[@]}" >"artifacts/$target.log" 2>&1 ||
         { tail -n 30 "artifacts/$target.log" >&2; exit 1; }
     grep -E "stat::number_of_executed_units|calls of the C ABI" "artifacts/$target.log" | tail -n 2

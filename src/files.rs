@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 
 /// Greatest size of a file of text (scene, skeleton, trajectory, curve, results), bytes.
 pub const MOST_TEXT: u64 = 64 << 20;
@@ -31,6 +31,15 @@ pub fn bytes(path: &Path, most: u64, remedy: &str) -> Result<Vec<u8>> {
     if bytes.len() as u64 > most {
         return Err(failed(format!("is larger than {} MiB, the most that is read", most >> 20)));
     }
+    Ok(bytes)
+}
+
+/// Reads a mesh file of at most [`MOST_MESH`] bytes, if the system gives memory for the work on it too. An error names
+/// the file, and ends with `remedy`.
+pub fn mesh(path: &Path, remedy: &str) -> Result<Vec<u8>> {
+    let bytes = bytes(path, MOST_MESH, remedy)?;
+    memory::ask(memory::BYTES_PER_BYTE_OF_MESH * bytes.len() as f64)
+        .map_err(|problem| Error::input(path, None, problem, "give a mesh with fewer vertices, or free memory"))?;
     Ok(bytes)
 }
 

@@ -42,6 +42,7 @@ mod error;
 mod files;
 mod gpu;
 mod haptics;
+mod memory;
 mod plan;
 mod prepare;
 mod query;

@@ -7,8 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The modules from the lowest to the highest.
-const ROOMS: [&str; 11] =
-    ["error", "files", "gpu", "shaders", "scene", "prepare", "stages", "plan", "query", "step", "haptics"];
+const ROOMS: [&str; 12] =
+    ["error", "memory", "files", "gpu", "shaders", "scene", "prepare", "stages", "plan", "query", "step", "haptics"];
 
 /// The files of a module: `src/NAME.rs` and all that lies in `src/NAME`.
 fn files(room: &str) -> Vec<PathBuf> {

@@ -25,7 +25,7 @@ use palpate_capi::steps::*;
 /// Capacity of every array that a call may fill.
 const ROOM: usize = 512;
 /// Calls in one sequence.
-const MOST_CALLS: usize = 64;
+const MOST_CALLS: usize = 512;
 
 const TEXTS: [&CStr; 6] = [
     c"",

@@ -106,12 +106,10 @@ impl Recorder {
         self.pass("draw", &names.join(", "), &uses);
         canvas.images().for_each(|image| self.commands.keep(image.0.handle.as_raw(), &image.0));
         self.begin(canvas, before);
-        for (drawn, buffers) in all.iter().zip(&bound) {
-            self.draw_one(drawn, buffers, size)?;
-        }
+        let drawn = all.iter().zip(&bound).try_for_each(|(drawn, buffers)| self.draw_one(drawn, buffers, size));
         // SAFETY: the command buffer is recording, within the rendering that began above.
         unsafe { self.commands.context.device.cmd_end_rendering(self.commands.buffer) };
-        Ok(())
+        drawn
     }
 
     fn begin(&mut self, canvas: &Canvas, before: Before) {

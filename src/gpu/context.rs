@@ -14,10 +14,11 @@ use gpu_allocator::vulkan as memory;
 
 use super::debug::{Labels, Messages};
 use super::device::{self, Candidate, DeviceInfo, DeviceKind};
+use super::faults::{self, FAULTS};
 use super::host::{HostDevice, QueueGuard};
 use super::log::{Level, Log};
 use super::threads::Threads;
-use super::{cache, failed, faults, kernel, loader, threads};
+use super::{cache, failed, kernel, loader, threads};
 use crate::error::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -71,8 +72,6 @@ pub struct Options {
     /// The SPIR-V must declare the buffers of the shader that it replaces; an unknown name is an error. For tests which
     /// show that a check can fail.
     pub replaced: Vec<(String, Vec<u8>)>,
-    /// Whether Vulkan calls fail where `gpu::FAULTS` says. For tests.
-    pub faults: bool,
     /// How kernels reach arrays of vectors that they only read; `None`: chosen as [`Context::arrays`] describes.
     pub arrays: Option<Arrays>,
     /// Upper limit for the number of elements of a texel buffer, where it is below the device's own limit. For tests.
@@ -161,7 +160,7 @@ impl Context {
         }
         threads::choose(options.threads);
         let _guard = loader::changes_devices();
-        let entry = load()?;
+        let entry = if FAULTS.concerns_this_thread() { faults::faulty(load()?) } else { load()? };
         let messages = Box::new(Messages::heard_by(options.log.clone()));
         let (instance, debug) = create_instance(&entry, options, &messages)?;
         let chosen = device::candidates(&instance).and_then(|all| device::choose(all, options.device.as_deref()));
@@ -181,7 +180,6 @@ impl Context {
                 return Err(error);
             }
         };
-        let device = if options.faults { faults::faulty(&instance, &device) } else { device };
         // SAFETY: the device was created with queue 0 of this queue family.
         let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
         let labels = Labels(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)));
@@ -559,8 +557,10 @@ pub(super) fn load() -> Result<ash::Entry> {
 fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -> Result<(ash::Instance, bool)> {
     let validation = options.validation;
     // SAFETY (for this and the next call): these are plain queries of a loaded entry.
-    let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
-    let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
+    let layers = if validation { unsafe { entry.enumerate_instance_layer_properties() } } else { Ok(Vec::new()) }
+        .map_err(failed("vkEnumerateInstanceLayerProperties", "set-up"))?;
+    let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
+        .map_err(failed("vkEnumerateInstanceExtensionProperties", "set-up"))?;
     if validation && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
         return Err(Error::NoDevice(
             "validation was asked for, but VK_LAYER_KHRONOS_validation is missing; on Debian or Ubuntu run ./setup.sh, \
@@ -592,10 +592,11 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
     if validation {
         names.push(ash::ext::validation_features::NAME.as_ptr());
         // SAFETY: as above.
-        let offered = unsafe { entry.enumerate_instance_extension_properties(Some(VALIDATION_LAYER)) };
+        let offered = unsafe { entry.enumerate_instance_extension_properties(Some(VALIDATION_LAYER)) }
+            .map_err(failed("vkEnumerateInstanceExtensionProperties", "set-up"))?;
         let is_settings =
             |e: &vk::ExtensionProperties| e.extension_name_as_c_str() == Ok(ash::ext::layer_settings::NAME);
-        has_settings = offered.unwrap_or_default().iter().any(is_settings);
+        has_settings = offered.iter().any(is_settings);
     }
     if has_settings {
         names.push(ash::ext::layer_settings::NAME.as_ptr());
@@ -636,9 +637,13 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
         }
     }
     // SAFETY: every pointer in `info` lives through the call; `messages` outlives the instance where validation is on.
-    let instance = unsafe { entry.create_instance(&info, None) }
-        .map_err(|e| Error::NoDevice(format!("Vulkan does not start (vkCreateInstance: {e}). {}", device::REMEDY)))?;
-    Ok((instance, debug))
+    match unsafe { entry.create_instance(&info, None) } {
+        Ok(instance) => Ok((instance, debug)),
+        Err(result) => Err(match failed("vkCreateInstance", "set-up")(result) {
+            Error::Memory(why) => Error::Memory(why),
+            _ => Error::NoDevice(format!("Vulkan does not start (vkCreateInstance: {result}). {}", device::REMEDY)),
+        }),
+    }
 }
 
 fn create_device(instance: &ash::Instance, chosen: &Candidate, presents: bool) -> Result<ash::Device> {

@@ -74,7 +74,7 @@ pub(super) fn candidates(instance: &ash::Instance) -> Result<Vec<Candidate>> {
     // SAFETY: the instance is alive; the call only reads it.
     let physical = unsafe { instance.enumerate_physical_devices() }
         .map_err(failed("vkEnumeratePhysicalDevices", "device selection"))?;
-    Ok(physical.into_iter().enumerate().map(|(index, device)| candidate(instance, index, device)).collect())
+    physical.into_iter().enumerate().map(|(index, device)| candidate(instance, index, device)).collect()
 }
 
 /// The device that `asked` names by its index or by part of its name; for `None`, the usable device with the most
@@ -121,7 +121,7 @@ fn preference(kind: DeviceKind) -> u32 {
     }
 }
 
-fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> Candidate {
+fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> Result<Candidate> {
     // SAFETY: `physical` was just enumerated from this live instance.
     let api = unsafe { instance.get_physical_device_properties(physical) }.api_version;
     let (mut driver, mut ids) =
@@ -143,7 +143,8 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
     let family = queue_family(families.iter().map(|family| family.queue_flags));
     let graphics = family.is_some_and(|family| families[family].queue_flags.contains(vk::QueueFlags::GRAPHICS));
     // SAFETY: `physical` belongs to this live instance.
-    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }
+        .map_err(failed("vkEnumerateDeviceExtensionProperties", "device selection"))?;
     let offers = |name: &CStr| extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name));
     let features = features(instance, physical, api);
     let usable = match (features.lacking, family) {
@@ -185,7 +186,7 @@ fn candidate(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevic
         cache_key: format!("{}-{}", hex(&ids.device_uuid), hex(&ids.driver_uuid)),
     };
     candidate.info.details = details(instance, &candidate);
-    candidate
+    Ok(candidate)
 }
 
 /// The first family with graphics and compute, else the first with compute alone: without graphics everything runs but

@@ -61,6 +61,10 @@ fn failed(call: &'static str, stage: impl Into<String>) -> impl FnOnce(ash::vk::
         ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | ash::vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
             Error::Memory(format!("{call} failed in {}: {result}", stage.into()))
         }
+        // The name that ash gives it is an address of the specification.
+        ash::vk::Result::ERROR_DEVICE_LOST => {
+            Error::Vulkan { call, stage: stage.into(), result: "the device was lost".into() }
+        }
         _ => Error::Vulkan { call, stage: stage.into(), result: result.to_string() },
     }
 }

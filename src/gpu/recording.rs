@@ -324,13 +324,19 @@ impl Recording {
         &self.commands.arrays
     }
 
-    /// Name of the last timer that started before a submit failed, as far as the timestamps show.
+    /// The last stage that started before a submit failed, as far as timestamps show; without timestamps, the first and
+    /// the last stage of the submit.
     fn stage_reached(recordings: &[&Recording]) -> String {
         let reached = recordings.iter().rev().find_map(|r| {
             let stamps = r.commands.timestamps();
             let last = stamps.iter().rposition(|(_, written)| *written)?;
-            r.commands.marks.get(last).cloned()
+            r.commands.marks.get(last).map(|stage| format!("stage {stage}"))
         });
-        reached.unwrap_or_else(|| "an unknown stage".into())
+        let mut all = recordings.iter().flat_map(|r| &r.commands.passes).map(|pass| pass.stage.as_str());
+        reached.unwrap_or_else(|| match (all.next(), all.next_back()) {
+            (Some(first), Some(last)) if first != last => format!("stages {first} to {last}"),
+            (Some(only), _) => format!("stage {only}"),
+            (None, _) => "no stage".into(),
+        })
     }
 }

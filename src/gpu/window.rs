@@ -82,12 +82,13 @@ impl Window {
         let of_window = window.window_handle().map_err(|error| cannot(error.to_string()))?.as_raw();
         let of_display = window.display_handle().map_err(|error| cannot(error.to_string()))?.as_raw();
         let (entry, instance) = (&context.entry, &context.instance);
-        // SAFETY: the context enabled the display's extensions; the window outlives the surface, see `_window`.
-        let surface = unsafe { ash_window::create_surface(entry, instance, of_display, of_window, None) };
         let commands = Commands::new(context)?;
         let guard = loader::reads_devices();
         let swapchains = ash::khr::swapchain::Device::new(instance, &context.device);
         drop(guard);
+        // The surface comes last: from then on, dropping `Window` destroys it.
+        // SAFETY: the context enabled the display's extensions; the window outlives the surface, see `_window`.
+        let surface = unsafe { ash_window::create_surface(entry, instance, of_display, of_window, None) };
         let mut this = Window {
             commands,
             chain: None,

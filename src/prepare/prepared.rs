@@ -19,7 +19,7 @@ use crate::scene::groups::Groups;
 use crate::scene::obj::{self, TriangleMesh};
 use crate::scene::tetrahedra::{self, TetMesh};
 use crate::scene::{self, Surface};
-use crate::{Result, files};
+use crate::{Result, files, memory};
 
 /// Advice in the message about a refused cell size. A cell is a cube of the lattice from which the layer is made.
 const UNITS: &str = "give cells in the file's coordinates, before `scale`";
@@ -65,17 +65,16 @@ impl Recipe<'_> {
         // The cache's key depends on the files' contents. An error in reading them is ignored here: `make` reports it.
         let key = if cache.is_on() { log.stage(Stage::Cache, || self.key(keys))?.ok() } else { None };
         let Some(key) = key else { return self.make(keys, log) };
-        match log.stage(Stage::Cache, || cache.load(&key))? {
+        let damaged = match log.stage(Stage::Cache, || cache.load(&key))? {
             Entry::Found(prepared) if self.can_have_made(&prepared) => {
                 log.cache = CacheUse::Found;
                 return Ok(prepared);
             }
-            Entry::Found(_) | Entry::Damaged(_) => {
-                let file = cache.path(&key).unwrap_or_default();
-                log.notes.push(format!("{} is damaged and is made again", file.display()));
-            }
-            Entry::Missing => {}
-        }
+            Entry::Found(_) => cache.path(&key),
+            Entry::Damaged(file) => Some(file),
+            Entry::Missing => None,
+        };
+        log.notes.extend(damaged.map(|file| format!("{} is damaged and is made again", file.display())));
         let prepared = self.make(keys, log)?;
         log.cache = CacheUse::Made;
         // A file that changed while it was read must not be stored under the key of its former contents.
@@ -87,8 +86,8 @@ impl Recipe<'_> {
         Ok(prepared)
     }
 
-    /// Whether parts read from the cache are of the recipe's kind and fit together. All other code relies on that, and
-    /// a checksum shows only that an entry is as it was written.
+    /// Whether parts read from the cache are of the recipe's kind and fit together: indices, lengths of lists, finite
+    /// numbers, volumes above zero. A checksum shows only that an entry is as it was written.
     fn can_have_made(&self, parts: &Prepared) -> bool {
         let are_below = |indices: &[u32], count: usize| indices.iter().all(|&index| (index as usize) < count);
         let are_finite = |points: &[DVec3]| points.iter().all(|point| point.is_finite());
@@ -115,9 +114,11 @@ impl Recipe<'_> {
         let is_proxy = |proxy: &Proxy| {
             (1..=MAX_HULL_VERTICES).contains(&proxy.hull.len())
                 && are_finite(&proxy.hull)
+                && proxy.faces.len() >= 4
                 && proxy.faces.iter().all(|(normal, offset)| normal.is_finite() && offset.is_finite())
-                && proxy.margin.is_finite()
+                && (0.0..f64::INFINITY).contains(&proxy.margin)
                 && proxy.frame == 0
+                && !proxy.triangles.is_empty()
         };
         let owned = |of: fn(&Proxy) -> &[u32], count: usize| {
             let mut all: Vec<u32> = parts.proxies.iter().flat_map(of).copied().collect();
@@ -207,7 +208,7 @@ impl Recipe<'_> {
 fn add_file(maker: &mut KeyMaker, path: &Path) -> Result<()> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     maker.add(ending.as_bytes());
-    maker.add(&files::bytes(path, files::MOST_MESH, "give a mesh file")?);
+    maker.add(&files::mesh(path, "give a mesh file")?);
     Ok(())
 }
 
@@ -281,6 +282,8 @@ fn make_layer(keys: &Keys, mesh: Option<&TriangleMesh>, source: &scene::Layer) -
                 let problem = format!("gives {count:.0} tetrahedra, allowed are 6 to 4 million");
                 return Err(keys.error("layer.cells", problem, "give other numbers of cells"));
             }
+            memory::ask(memory::BYTES_PER_TETRAHEDRON * count)
+                .map_err(|problem| keys.error("layer.cells", problem, "give fewer cells, or free memory"))?;
             Ok(Filled { layer: layer::kuhn_box(*low, *high, *cells), ..Filled::default() })
         }
     }
@@ -384,7 +387,7 @@ mod tests {
         let key = recipe.key(&Keys::of_body(&scene, &scene.bodies[0])).unwrap();
         assert_eq!(cache.path(&key), Some(file));
         let Entry::Found(sound) = cache.load::<Prepared>(&key) else { panic!("no entry") };
-        let spoil: [(&str, fn(&mut Prepared)); 20] = [
+        let spoil: [(&str, fn(&mut Prepared)); 26] = [
             ("no layer", |parts| parts.layer = None),
             ("no triangles", |parts| parts.mesh.triangles.clear()),
             ("a triangle's vertex", |parts| parts.mesh.triangles[3][1] = 12),
@@ -402,10 +405,21 @@ mod tests {
             ("an embedding's tetrahedron", |parts| parts.embedding[0].tetrahedron = 12),
             ("a weight", |parts| parts.embedding[0].weights[0] = f64::NAN),
             ("a hull", |parts| parts.proxies[0].hull = vec![DVec3::ZERO; MAX_HULL_VERTICES + 1]),
+            ("no hull", |parts| parts.proxies[0].hull.clear()),
+            ("a corner of a hull", |parts| parts.proxies[0].hull[0].z = f64::NAN),
+            ("faces", |parts| parts.proxies[0].faces.truncate(3)),
+            ("a face", |parts| parts.proxies[0].faces[0].1 = f64::INFINITY),
+            ("a margin", |parts| parts.proxies[0].margin = -1.0),
+            ("a proxy of nothing", |parts| {
+                let idle = Proxy { vertices: Vec::new(), triangles: Vec::new(), ..parts.proxies[0].clone() };
+                parts.proxies.push(idle);
+            }),
             ("a frame", |parts| parts.proxies[0].frame = 1),
             ("an owner of a vertex", |parts| parts.proxies[0].vertices[0] += 1),
             ("no owner of a triangle", |parts| parts.proxies[0].triangles.truncate(3)),
         ];
+        let rigid = Recipe { layer: None, ..recipe.clone() };
+        assert!(recipe.can_have_made(&sound) && !rigid.can_have_made(&sound));
         for (what, spoil) in spoil {
             let mut parts = sound.clone();
             spoil(&mut parts);

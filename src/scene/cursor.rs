@@ -40,7 +40,7 @@ pub(super) struct Cursor<'a> {
 
 /// Reads all bytes of a mesh file.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
-    files::bytes(path, files::MOST_MESH, "give a mesh file")
+    files::mesh(path, "give a mesh file")
 }
 
 /// Shortens a word to 40 characters and escapes it, for use in a message.

@@ -5,6 +5,7 @@
 //!
 //! serde's derive is not used: it reports unknown keys without their table, and values out of range without their line.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
@@ -379,8 +380,11 @@ impl<'a> Value<'a> {
         let path = self.source.file.parent().unwrap_or(Path::new("")).join(self.text()?);
         let problem = match files::irregular(&path) {
             Some(problem) => format!("{} {problem}", path.display()),
-            None if path.exists() => return Ok(path),
-            None => format!("there is no file {}", path.display()),
+            None => match path.metadata() {
+                Ok(_) => return Ok(path),
+                Err(error) if error.kind() == ErrorKind::NotFound => format!("there is no file {}", path.display()),
+                Err(error) => format!("{} cannot be read: {error}", path.display()),
+            },
         };
         Err(self.error(problem, "correct the path; it is relative to the scene file"))
     }

@@ -581,6 +581,13 @@ pub enum ToolShape {
     Body(String),
 }
 
+impl ToolShape {
+    /// Radius of a sphere, m; `None` for other shapes.
+    pub fn radius(&self) -> Option<f64> {
+        if let ToolShape::Sphere(radius) = self { Some(*radius) } else { None }
+    }
+}
+
 /// The virtual coupling between haptic device and tool, `[coupling]` (Colgate et al. 1995): springs and dampers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Coupling {

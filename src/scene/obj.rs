@@ -38,7 +38,7 @@ pub struct TriangleMesh {
 /// In the result every coordinate is finite, every index is that of a vertex, and at least one triangle has an area
 /// above zero. [`crate::prepare::repair`] decides whether the surface can serve as a skin.
 pub fn read(path: &Path) -> Result<TriangleMesh> {
-    let bytes = files::bytes(path, files::MOST_MESH, REMEDY)?;
+    let bytes = files::mesh(path, REMEDY)?;
     let mesh = parse(&String::from_utf8_lossy(&bytes), path)?.mesh;
     if has_area(&mesh) {
         Ok(mesh)
@@ -57,7 +57,7 @@ pub(super) fn has_area(mesh: &TriangleMesh) -> bool {
 
 /// Returns, for each triangle of an OBJ file, the one-based number of the line whose face contains the triangle.
 pub(crate) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
-    let bytes = files::bytes(path, files::MOST_MESH, REMEDY)?;
+    let bytes = files::mesh(path, REMEDY)?;
     Ok(parse(&String::from_utf8_lossy(&bytes), path)?.lines)
 }
 

@@ -22,7 +22,7 @@ use super::layers::OF_PATCH;
 use super::mean_dilatation::Patches;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
-use crate::scene::{Operator, Scene, Sides, ToolShape};
+use crate::scene::{Operator, Scene, Sides};
 use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, PairProxy, Proxy};
 use crate::stages::PAIR_PATCHES;
 
@@ -248,10 +248,7 @@ impl Model {
         model.assembles = scene.solver.operator == Operator::Auto
             && model.patches.count() == 0
             && model.node_rest.len() <= shaders::ROW_NODES as usize;
-        model.tool_sphere = scene.tool.as_ref().and_then(|tool| match tool.shape {
-            ToolShape::Sphere(radius) => Some(radius),
-            _ => None,
-        });
+        model.tool_sphere = scene.tool.as_ref().and_then(|tool| tool.shape.radius());
         let tool_core_frame = scene.tool_body_index().map(|body| model.body_frames[body] as usize);
         model.tool_core = model.cores.iter().position(|core| Some(core.frame) == tool_core_frame);
         model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);

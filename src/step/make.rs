@@ -16,7 +16,7 @@ use super::{Simulation, StepWork, TIMED_EVERY, Timing, tools};
 use crate::gpu::{Context, Level, Options, Recorder, Threads};
 use crate::plan::Plan;
 use crate::prepare::bodies::Bodies;
-use crate::prepare::{Body, Cache};
+use crate::prepare::{Body, Cache, Shape};
 use crate::query::arrays::ArrayChoice;
 use crate::query::choice::Choice;
 use crate::scene::{self, Key, Operator, Scene};
@@ -24,7 +24,7 @@ use crate::stages::model::Model;
 use crate::stages::query_as_one;
 use crate::step::tool::Tool;
 use crate::step::trajectory::Trajectory;
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 
 /// Number of tetrahedra below which a Vulkan device that is a CPU is faster on the calling thread alone than with
 /// worker threads, which it would have to wake for each pass (docs/evidence/benchmarks.md).
@@ -38,6 +38,9 @@ const KUHN_TETRAHEDRA: u64 = 6;
 const BLOCKS_BYTES: u64 = 112;
 /// Size of a tetrahedron's gradients, bytes, which form the largest array where the operator is matrix-free.
 const GRADIENTS_BYTES: u64 = 80;
+
+/// Remedy where the host's memory is too small.
+const LESS: &str = "give coarser layers (a larger layer.cell), or free memory";
 
 /// The parts of a simulation that are made before a GPU is opened.
 struct Prepared {
@@ -119,6 +122,10 @@ impl Simulation {
 impl Prepared {
     fn of(scene: &Scene, Bodies { bodies, tool: tool_body }: Bodies) -> Result<Prepared> {
         scene.check_filled()?;
+        let count = |body: &Body| if let Shape::Soft { layer, .. } = &body.shape { layer.tetrahedra.len() } else { 0 };
+        let tetrahedra: usize = bodies.iter().map(count).sum();
+        memory::ask(memory::BYTES_PER_TETRAHEDRON * tetrahedra as f64)
+            .map_err(|problem| Error::key(&scene.file, "body", format!("{tetrahedra} tetrahedra: {problem}"), LESS))?;
         let model = Model::new(scene, &bodies, tool_body.as_ref());
         let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
         let tool = tools::tool_of(scene, tool_body.as_ref(), &model, &frames)?;

@@ -4,6 +4,7 @@
 //! the case. Kernels read arrays through one of two kinds of buffers: texel buffers or storage buffers.
 
 pub mod bodies;
+pub mod faults;
 pub mod random;
 #[path = "../../tests/real_meshes/mod.rs"]
 pub mod real_meshes;

@@ -64,6 +64,36 @@ fn the_header_is_the_one_that_the_sources_make() {
     );
 }
 
+/// Who reads the header from its beginning meets each function after those that must be called before it.
+#[test]
+fn the_header_has_the_order_of_use() {
+    let header = std::fs::read_to_string(root().join("crates/capi/src/palpate.h")).unwrap();
+    let declared = header.lines().filter(|line| !line.trim_start().starts_with("//")).filter_map(|line| {
+        let name = line.split_once('(')?.0.rsplit([' ', '*']).next()?;
+        name.starts_with("palpate_").then_some(name)
+    });
+    let declared: Vec<&str> = declared.collect();
+    let use_of = [
+        "palpate_last_error",
+        "palpate_context_create",
+        "palpate_scene_load",
+        "palpate_scene_create",
+        "palpate_scene_prepare",
+        "palpate_simulation_create",
+        "palpate_step",
+        "palpate_step_submit",
+        "palpate_wrench_newest",
+        "palpate_state_save",
+        "palpate_state_restore",
+        "palpate_skin",
+        "palpate_loop_start",
+        "palpate_loop_read",
+        "palpate_loop_stop",
+    ];
+    let places = use_of.map(|name| declared.iter().position(|other| *other == name).expect(name));
+    assert!(places.is_sorted(), "{use_of:?} are declared at {places:?}");
+}
+
 /// Writes the scene to a file and does its steps in Rust, without the C ABI, as the command `palpate run` does. Returns
 /// the file's path, and for each step its number, the force on the tool (x, y, z, N) and the flags (warnings, one bit
 /// each).

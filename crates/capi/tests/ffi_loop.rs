@@ -12,6 +12,7 @@ use std::path::Path;
 use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
+use palpate::internal::gpu::FAULTS;
 use palpate_capi::context::palpate_context_destroy;
 use palpate_capi::haptic_device::{palpate_haptic_device, palpate_play, palpate_reading};
 use palpate_capi::haptic_loop::{
@@ -328,6 +329,30 @@ fn a_device_that_is_lost_or_says_what_cannot_be_plays_nothing_until_it_is_well()
     ok(palpate_loop_destroy(the_loop));
     ok(palpate_simulation_destroy(simulation));
     ok(palpate_context_destroy(context));
+}
+
+#[test]
+fn a_loop_whose_vulkan_device_is_lost_plays_nothing_and_says_so() {
+    FAULTS.concern_contexts_of_this_thread();
+    FAULTS.arm(None, 0);
+    let (context, hand) = (context(), Hand::default());
+    let simulation = simulation(context, &scene());
+    let the_loop = start(simulation, &hand);
+    wait_for(|| state(the_loop).peak_force > 0.05);
+    FAULTS.lose_devices();
+    wait_for(|| state(the_loop).is_running == 0);
+    let (last, facts) = (state(the_loop), hand.facts());
+    assert_eq!(
+        (last.status, facts.last_force, facts.closed, facts.after_close),
+        (palpate_status::Vulkan, [0.0; 3], 1, 0)
+    );
+    let why = ended(the_loop);
+    assert!(why.contains(" failed in stage") && why.ends_with("the device was lost"), "it said: {why}");
+    ok(palpate_loop_destroy(the_loop));
+    refused(step(simulation), palpate_status::Simulation, "an earlier step failed halfway");
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+    FAULTS.arm(None, 0);
 }
 
 #[test]

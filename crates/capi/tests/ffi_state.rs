@@ -12,6 +12,7 @@ use std::ffi::{CStr, c_char, c_void};
 use std::ptr::{null, null_mut};
 use std::sync::Mutex;
 
+use palpate::internal::gpu::FAULTS;
 use palpate_capi::change::{
     palpate_contact_get, palpate_contact_law, palpate_contact_set, palpate_core_move, palpate_core_pose,
     palpate_coupling, palpate_coupling_set, palpate_material, palpate_material_get, palpate_material_set,
@@ -27,10 +28,10 @@ use palpate_capi::shown::{
 use palpate_capi::simulation::{palpate_pose, palpate_simulation, palpate_simulation_destroy, palpate_step};
 use palpate_capi::state::{palpate_state_restore, palpate_state_save};
 use palpate_capi::statistics::{palpate_stage, palpate_stages, palpate_time_every};
-use palpate_capi::status::palpate_status::{Argument, Handle, NoDevice, Null, TooSmall, Vulkan};
+use palpate_capi::status::palpate_status::{Argument, Handle, NoDevice, Null, Simulation, TooSmall, Vulkan};
 use palpate_capi::steps::palpate_wrench_newest;
 
-use ffi_help::{BLOCK, DEEP, SPHERE, context, memory, nodes, ok, refused, simulation, wrench, zeroed};
+use ffi_help::{BLOCK, DEEP, SPHERE, context, last_error, memory, nodes, ok, refused, simulation, wrench, zeroed};
 
 fn pressed() -> (*mut palpate_context, *mut palpate_simulation) {
     let context = context();
@@ -67,6 +68,31 @@ fn saved(simulation: *mut palpate_simulation) -> Vec<u8> {
     ok(unsafe { palpate_state_save(simulation, bytes.as_mut_ptr(), size, &mut size) });
     assert_eq!(size, bytes.len());
     bytes
+}
+
+/// A host goes on after its device was lost: with a new context, and the state that it saved last.
+#[test]
+fn a_host_whose_device_is_lost_goes_on_with_another() {
+    FAULTS.concern_contexts_of_this_thread();
+    FAULTS.arm(None, 0);
+    let (context, lost) = pressed();
+    steps(lost, 10);
+    let state = saved(lost);
+    let expected = steps(lost, 10);
+    FAULTS.lose_devices();
+    // SAFETY (both calls): null is passed only where palpate.h allows it.
+    refused(unsafe { palpate_step(lost, &DEEP, null_mut()) }, Vulkan, " failed in stage");
+    assert!(last_error().ends_with("the device was lost"), "it said: {}", last_error());
+    refused(unsafe { palpate_step(lost, &DEEP, null_mut()) }, Simulation, "an earlier step failed halfway");
+    // SAFETY: the array has the length that is passed.
+    refused(unsafe { palpate_state_restore(lost, state.as_ptr(), state.len()) }, Vulkan, "the device was lost");
+    end(context, lost);
+    FAULTS.arm(None, 0);
+    let (context, next) = pressed();
+    // SAFETY: the array has the length that is passed.
+    ok(unsafe { palpate_state_restore(next, state.as_ptr(), state.len()) });
+    assert_eq!(steps(next, 10), expected);
+    end(context, next);
 }
 
 /// For each contact of the last step: the index of its skin vertex, and the bit patterns of its depth and of its

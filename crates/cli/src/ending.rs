@@ -9,7 +9,6 @@ use crate::report::page::Shot;
 #[cfg(feature = "view")]
 mod rendered {
     use glam::DVec3;
-    use palpate::scene::ToolShape;
     use palpate::{Result, Simulation};
     use palpate_view::{Camera, Overlay, Overlays, Settings, Studio};
 
@@ -37,10 +36,7 @@ mod rendered {
         }
         let mut shots = vec![shot(&mut studio, simulation, "The scene at the end of the run.")?];
         if let (Some(force), Some(tool)) = (force, simulation.tool().map(|tool| tool.centre)) {
-            let radius = match simulation.scene().tool.as_ref().map(|tool| &tool.shape) {
-                Some(ToolShape::Sphere(radius)) => Some(*radius),
-                _ => None,
-            };
+            let radius = simulation.scene().tool.as_ref().and_then(|tool| tool.shape.radius());
             studio.camera = aimed(studio.camera, tool, force, radius);
             let caption = "The contact at the end: pressure as colours, the force on the tool as an arrow.";
             shots.push(shot(&mut studio, simulation, caption)?);

@@ -153,11 +153,9 @@ impl Engine {
 /// surface if the tool is a sphere, else from its centre. `None` without a tool or such a body.
 pub fn nearest(simulation: &Simulation, skins: &[SkinResult]) -> Option<Distance> {
     let tool = simulation.tool()?;
-    let (radius, name) = match &simulation.scene().tool.as_ref()?.shape {
-        ToolShape::Sphere(radius) => (Some(*radius), "tool"),
-        ToolShape::Body(name) => (None, name.as_str()),
-        ToolShape::Surface(_) => (None, "tool"),
-    };
+    let shape = &simulation.scene().tool.as_ref()?.shape;
+    let radius = shape.radius();
+    let name = if let ToolShape::Body(name) = shape { name.as_str() } else { "tool" };
     let may_touch = |body: &&scene::Body| {
         body.name != name && body.collides.as_ref().is_none_or(|names| names.iter().any(|other| other == name))
     };

@@ -450,13 +450,12 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
 /// Makes the page of a run; `trace.csv`, from which the page's curves are made, is already written.
 fn page(output: &Output, scene: &Scene, done: &Done) -> Result<String> {
     let Done { tally, outcome, report, played, nearest, interrupted, pictures } = done;
-    let unreadable = |error: csv::Error| Error::Output { file: output.path(TRACE), source: error.into() };
     let trace = BufReader::new(output.read(TRACE)?);
     let page = Page {
         scene,
         facts: &outcome.facts,
         tally,
-        curves: &curves::read(trace, tally.touch.as_ref()).map_err(unreadable)?,
+        curves: &curves::read(trace, tally.touch.as_ref()).map_err(|error| output.unreadable(TRACE, &error))?,
         session: report.as_ref().map(|report| Session { report, played: &played.force }),
         interrupted: interrupted.as_deref(),
         nearest: nearest.as_ref(),

@@ -130,6 +130,33 @@ fn what_is_most_likely_a_mistake_is_noted() {
     note(&format!("{body}[step]\ndt = 2\n"), "note: `step.dt`: a step of 2 s leaves out");
 }
 
+/// Where the process may have 700 MB: what would not fit is refused before the work on it begins.
+#[test]
+#[cfg(target_os = "linux")]
+fn work_that_the_memory_is_too_small_for_is_refused() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_string();
+    let box_ = "{ box = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], cells = [80, 80, 80] }";
+    fs::write(path("box.toml"), soft("", box_)).unwrap();
+    fs::write(path("large.obj"), format!("{CUBE}{}", "# nothing\n".repeat(6_000_000))).unwrap();
+    let (box_, large, out) = (path("box.toml"), path("large.obj"), path("out"));
+    let commands: [(&[&str], &str); 3] = [
+        (&["run", &box_, "--steps", "1", "--out", &out], "box.toml: `body.a.layer.cells`: about 3072 MB of memory"),
+        (&["prepare", "head:1000", "--no-cache", "--cells", "95", "--out", &out], "MB of memory are needed"),
+        (&["prepare", &large, "--no-cache", "--cells", "4", "--out", &out], "large.obj: about 960 MB of memory"),
+    ];
+    for (command, words) in commands {
+        let mut limited = Command::new("sh");
+        limited.args(["-c", "ulimit -v 700000; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_palpate")]).args(command);
+        let output = limited.output().unwrap();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "exit status of {command:?} with the error: {message}");
+        let is_told = message.contains(words) && message.contains("which the system does not give; ");
+        assert!(is_told && message.lines().count() == 1, "wrong error of {command:?}: {message}");
+        assert!(!Path::new(&out).exists(), "{command:?} left its output directory");
+    }
+}
+
 #[test]
 fn mistakes_on_the_command_line() {
     let folder = folder();

@@ -33,6 +33,7 @@ use glam::DVec3;
 use super::distance::Solid;
 use super::lattice::Lattice;
 use super::{Layer, layer, mass};
+use crate::memory;
 pub use report::{Dropped, LayerReport, SurfaceEdge, SurfaceEdges, Thickened};
 use stencil::Corner;
 
@@ -136,7 +137,8 @@ fn check(vertices: &[DVec3], triangles: &[[u32; 3]], extent: DVec3, options: &Op
             1.1 * least
         ));
     }
-    Ok(())
+    memory::ask(memory::BYTES_PER_CELL * box_cells)
+        .map_err(|problem| format!("{problem}; choose a larger cell, or free memory"))
 }
 
 /// The surface with its lattice, samples and options: everything that does not change with the level.

@@ -18,6 +18,8 @@ use crate::signals::{Temporary, Unfinished};
 const HIDDEN: &str = ".palpate-unfinished";
 /// Name of a file in the hidden folder that is locked as long as a run writes there.
 const LOCK: &str = "lock";
+/// Beginning of the name under which an older file is kept while new ones are moved.
+const OLDER: &str = "older-";
 /// Number of attempts to make the hidden folder while other runs end and remove theirs.
 const ATTEMPTS: u32 = 100;
 
@@ -74,7 +76,12 @@ impl Output {
 
     /// Opens a file of this output that was written already, to read it.
     pub fn read(&self, name: &str) -> Result<File> {
-        File::open(self.hidden.folder().join(name)).map_err(|source| Error::Output { file: self.path(name), source })
+        File::open(self.hidden.folder().join(name)).map_err(|error| self.unreadable(name, &error))
+    }
+
+    /// The error that a file of this output cannot be read again.
+    pub fn unreadable(&self, name: &str, error: &dyn std::error::Error) -> Error {
+        Error::input(&self.path(name), None, format!("cannot be read again: {error}"), "run the command once more")
     }
 
     /// Path at which a file called `name` will be after the commit.
@@ -83,15 +90,48 @@ impl Output {
     }
 
     /// Moves every file to its final name, in the order in which the files were made; older files of these names are
-    /// replaced.
+    /// replaced. If a file cannot be moved, those moved before go back, and the older files too.
     pub fn commit(self) -> Result<()> {
         let Output { directory, hidden, names, .. } = self;
         hidden.finish(|folder| {
-            names.iter().try_for_each(|name| {
-                let target = directory.join(name);
-                fs::rename(folder.join(name), &target).map_err(|source| Error::Output { file: target, source })
-            })
+            let place = |name: &String| Place {
+                new: folder.join(name),
+                older: folder.join(format!("{OLDER}{name}")),
+                target: directory.join(name),
+            };
+            let places: Vec<Place> = names.iter().map(place).collect();
+            for (moved, place) in places.iter().enumerate() {
+                if let Err(source) = place.take() {
+                    places[..=moved].iter().rev().for_each(Place::give_back);
+                    return Err(Error::Output { file: place.target.clone(), source });
+                }
+            }
+            Ok(())
         })
+    }
+}
+
+/// Where a file is written, where it is to be, and where an older file of its name is kept until all files are moved.
+struct Place {
+    new: PathBuf,
+    older: PathBuf,
+    target: PathBuf,
+}
+
+impl Place {
+    fn take(&self) -> io::Result<()> {
+        if self.target.symlink_metadata().is_ok() {
+            fs::rename(&self.target, &self.older)?;
+        }
+        fs::rename(&self.new, &self.target)
+    }
+
+    /// Undoes what [`Place::take`] did, or did in part. What cannot be undone stays.
+    fn give_back(&self) {
+        if !self.new.exists() {
+            let _ = fs::rename(&self.target, &self.new);
+        }
+        let _ = fs::rename(&self.older, &self.target);
     }
 }
 
@@ -127,8 +167,10 @@ fn locked(folder: &Path) -> io::Result<Option<File>> {
             // Whether what lies there is of a killed run or of one that goes on, nobody knows.
             Err(TryLockError::Error(_)) => return Ok(None),
         };
-        for entry in fs::read_dir(folder)?.flatten().filter(|entry| entry.file_name() != LOCK) {
-            fs::remove_file(entry.path())?;
+        if !is_new {
+            for entry in fs::read_dir(folder)?.flatten().filter(|entry| entry.file_name() != LOCK) {
+                fs::remove_file(entry.path())?;
+            }
         }
         return Ok(Some(lock));
     }

@@ -8,7 +8,6 @@ use std::time::{Duration, Instant};
 
 use palpate::internal::gpu::Window;
 use palpate::internal::prepare::bodies::Bodies;
-use palpate::scene::ToolShape;
 use palpate::{Context, Error, Result, Scene};
 use palpate_devices::mouse::Goal;
 use palpate_view::live::{Command, Live, State};
@@ -309,10 +308,7 @@ impl ApplicationHandler<Said> for App {
         }
         let edge = f64::from(window.inner_size().width) - f64::from(WIDTH) * window.scale_factor();
         let size = self.size();
-        let radius = match self.setup.scene.tool.as_ref().map(|tool| &tool.shape) {
-            Some(ToolShape::Sphere(radius)) => Some(*radius),
-            _ => None,
-        };
+        let radius = self.setup.scene.tool.as_ref().and_then(|tool| tool.shape.radius());
         self.hand.hear(&event, edge, &mut self.camera, self.setup.goal.as_ref(), radius, size);
         match event {
             WindowEvent::CloseRequested => events.exit(),

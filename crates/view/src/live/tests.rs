@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
-use palpate::internal::gpu::Recorder;
+use palpate::internal::gpu::{FAULTS, Recorder};
 use palpate::{Options, StepWork};
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;
@@ -180,6 +180,25 @@ fn a_failure_is_shown_and_a_reset_goes_on() {
     assert_eq!(live.link().ask(|simulation, _| simulation.bodies().len()), Some(1), "the simulation must still answer");
     live.link().tell(Command::Reset);
     until(&mut live, |snapshot| snapshot.state == State::Running);
+}
+
+#[test]
+fn a_device_that_is_lost_is_shown_with_the_stages_under_way() {
+    let folder = tempfile::tempdir().unwrap();
+    turn();
+    FAULTS.concern_contexts_of_this_thread();
+    FAULTS.arm(None, 0);
+    let goal = Goal::new(DVec3::Y * 0.053, DQuat::IDENTITY);
+    for lead in [Lead::Script, mouse(&goal)] {
+        let (mut live, _) = live(simulation(folder.path()), lead, Extent::Endless, folder.path());
+        until(&mut live, |snapshot| snapshot.row.as_ref().is_some_and(|row| row.step > 10));
+        FAULTS.lose_devices();
+        let failed = until(&mut live, |snapshot| matches!(snapshot.state, State::Failed(_)));
+        let State::Failed(why) = failed.state else { panic!("it did not fail") };
+        assert!(why.contains(" failed in stage") && why.ends_with("the device was lost"), "it said: {why}");
+        assert!(live.quit(), "the thread must end although its device is lost");
+        FAULTS.arm(None, 0);
+    }
 }
 
 fn mouse(goal: &Goal) -> Lead {
