@@ -373,6 +373,8 @@ mod tests {
     const SCENE: &str = "[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [2, 1, 1] }\n\
                          material = { young = 1e4, poisson = 0.4, density = 1e3 }\n";
 
+    type Spoil = fn(&mut Prepared);
+
     /// Every way in which an entry under a right checksum may be none that the recipe made.
     #[test]
     fn parts_that_do_not_fit_together_are_made_again() {
@@ -387,7 +389,7 @@ mod tests {
         let key = recipe.key(&Keys::of_body(&scene, &scene.bodies[0])).unwrap();
         assert_eq!(cache.path(&key), Some(file));
         let Entry::Found(sound) = cache.load::<Prepared>(&key) else { panic!("no entry") };
-        let spoil: [(&str, fn(&mut Prepared)); 26] = [
+        let spoil: [(&str, Spoil); 26] = [
             ("no layer", |parts| parts.layer = None),
             ("no triangles", |parts| parts.mesh.triangles.clear()),
             ("a triangle's vertex", |parts| parts.mesh.triangles[3][1] = 12),

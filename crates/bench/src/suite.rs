@@ -40,6 +40,11 @@ pub trait Benchmark {
     fn preface(&self, settings: &Value) -> Result<String>;
     /// The report's sections on the parts that were measured.
     fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>>;
+    /// The report's sections on the parts that were measured, with those of earlier results beside them where the
+    /// benchmark can show both in one plot. Errors: the parts cannot be read.
+    fn compared(&self, parts: &Map<String, Value>, _earlier: &Map<String, Value>) -> Result<Vec<Section>> {
+        self.sections(parts)
+    }
     /// Requirements that the measured parts do not meet, one line for each requirement. Errors: the parts cannot be
     /// read.
     fn faults(&self, _parts: &Map<String, Value>) -> Result<Vec<String>> {
@@ -186,9 +191,12 @@ pub fn measure(
 }
 
 /// The report of all that was measured, with the chapters in the order of `benchmarks`.
-pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<Document> {
-    let mut document =
-        Document { title: "palpate: benchmarks".into(), preface: results.head.preface(), chapters: vec![] };
+pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results, earlier: Option<&Results>) -> Result<Document> {
+    let mut preface = results.head.preface();
+    if let Some(Head { device, driver, commit, .. }) = earlier.map(|earlier| &earlier.head) {
+        preface += &format!(" What is called `before` was measured earlier: {device} ({driver}), commit {commit}.");
+    }
+    let mut document = Document { title: "palpate: benchmarks".into(), preface, chapters: vec![] };
     for benchmark in benchmarks {
         let Some(measured) = results.benchmarks.get(benchmark.name()) else { continue };
         let Measured { settings, names, parts, .. } = from_value(measured)?;
@@ -197,7 +205,11 @@ pub fn document(benchmarks: &[Box<dyn Benchmark>], results: &Results) -> Result<
         if !missing.is_empty() {
             preface += &format!(" Not measured, or not merged yet: {}.", missing.join(", "));
         }
-        let sections = benchmark.sections(&parts)?;
+        let before = earlier.and_then(|earlier| earlier.benchmarks.get(benchmark.name()));
+        let sections = match before.map(from_value::<Measured>).transpose()? {
+            Some(before) => benchmark.compared(&parts, &before.parts)?,
+            None => benchmark.sections(&parts)?,
+        };
         document.chapters.push(Chapter { title: benchmark.title().into(), preface, sections });
     }
     Ok(document)

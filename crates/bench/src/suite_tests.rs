@@ -83,7 +83,7 @@ fn without_gauges(results: &Results) -> Value {
 fn shards_joined_in_any_order_give_the_report_of_the_whole() {
     let whole = measured(Shard::WHOLE);
     let [one, two] = [0, 1].map(|index| measured(Shard { index, count: 2 }));
-    let page = |results: &Results| document(&all(), results).unwrap().html();
+    let page = |results: &Results| document(&all(), results, None).unwrap().html();
     assert!(
         page(&one).contains("Not measured, or not merged yet: 2, 4."),
         "the first shard's page must name the parts without results: {}",
@@ -141,5 +141,5 @@ fn what_fails_does_not_lose_the_rest() {
     let (results, failed) = measure(&many, head(), Shard::WHOLE, &|_, _| true, &mut |_| ()).unwrap();
     assert_eq!(failed, ["doubling/13: bad luck"]);
     assert_eq!(results.benchmarks["doubling"]["parts"].as_object().unwrap().len(), 14);
-    assert!(document(&many, &results).unwrap().html().contains("not merged yet: 13."));
+    assert!(document(&many, &results, None).unwrap().html().contains("not merged yet: 13."));
 }

@@ -16,7 +16,7 @@ fn measure(name: &str) -> Curve {
         curve.points.iter().all(|point| point.step_ms() > 0.0),
         "each point of the curve must have a time above 0 ms: {curve:?}"
     );
-    let text = accuracy::section(&curve).unwrap();
+    let text = accuracy::section(&curve, None).unwrap();
     assert!(!text.finding.contains("why is not known"), "the finding of `{name}` lacks a reason: {}", text.finding);
     println!("finding of the curve `{name}`: {}", text.finding);
     assert!(

@@ -102,7 +102,7 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
         let shards = arguments.merge.iter().map(|dir| Ok((dir.as_path(), results_in(dir)?)));
         (suite::merge(shards.collect::<Result<_>>()?)?, Vec::new())
     };
-    let document = suite::document(&benchmarks, &results)?;
+    let document = suite::document(&benchmarks, &results, old.as_ref())?;
     if let Some(output) = &mut output {
         output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
         output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;

@@ -29,7 +29,7 @@ fn measure(name: &str, settings: &Settings) -> Curve {
     for point in &curve.points {
         assert!(point.step_us.len() == settings.rounds && point.step_ms() > 0.0, "a point lacks step times: {point:?}");
     }
-    let text = accuracy::section(&curve).unwrap();
+    let text = accuracy::section(&curve, None).unwrap();
     assert!(text.plot.is_some() && !text.finding.is_empty() && text.table.rows.len() == curve.points.len());
     assert!(!text.notes.concat().contains("why is not known"), "notes of curve {name}: {:?}", text.notes);
     println!("curve {name}: finding: {}; notes: {:?}", text.finding, text.notes);
@@ -111,7 +111,7 @@ fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
     // With this fault contact forces pull where they should push; the solver still converges.
     let bytes = spoil::spoiled("solve/assemble", "b -= f * n;", "b += f * n;");
     let curve = measure("tolerance", &Settings { replaced: vec![("solve/assemble".into(), bytes)], ..tiny() });
-    let finding = accuracy::section(&curve).unwrap().finding;
+    let finding = accuracy::section(&curve, None).unwrap().finding;
     assert!(!curve.is_within() && finding.contains("NOT within"), "finding of the curve: {finding}");
 }
 

@@ -23,7 +23,7 @@ fn measure(benchmark: Box<dyn Benchmark>) -> (Map<String, Value>, Vec<String>, S
     let watch = &mut |what: &str| told.push(what.to_string());
     let (results, failed) = suite::measure(&benchmarks, head, Shard::WHOLE, &|_, _| true, watch).unwrap();
     assert!(failed.is_empty(), "parts that failed: {failed:?}");
-    let document: Document = suite::document(&benchmarks, &results).unwrap();
+    let document: Document = suite::document(&benchmarks, &results, None).unwrap();
     let parts = results.benchmarks[benchmarks[0].name()]["parts"].as_object().unwrap().clone();
     let text = document.markdown();
     assert!(text.contains("quick run") && text.contains("**Found:**"), "report: {text}");

@@ -41,7 +41,7 @@ const CHANCE: f64 = 2.0;
 /// Two points cost the same if their costs differ by less than this share of the greater cost.
 const SAME_COST: f64 = 0.05;
 /// Two points are equally accurate if their errors differ by less than this share of the greater error.
-const SAME_ERROR: f64 = 0.05;
+pub const SAME_ERROR: f64 = 0.05;
 
 /// Error and time of each setting of one knob of a scene; the settings were run alternately.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]

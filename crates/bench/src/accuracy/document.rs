@@ -5,7 +5,7 @@
 use palpate::Result;
 use serde_json::Value;
 
-use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER};
+use super::curve::{DECADES, JUST_NOTICEABLE, NEAR_ORDER, SAME_ERROR};
 use super::{Curve, Judged, Point, front, presets};
 use crate::plot::{self, Logarithmic, Panel, panels};
 use crate::{Section, Table};
@@ -33,12 +33,12 @@ pub fn preface(settings: &Value) -> String {
     )
 }
 
-/// A section for each curve; the section of the presets (named settings of a scene) follows that of the curve from
-/// which they are chosen.
-pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
+/// A section for each curve, with the curve of this name among `earlier` results beside it; the section of the presets
+/// (named settings of a scene) follows that of the curve from which they are chosen.
+pub fn sections(curves: &[Curve], earlier: &[Curve]) -> Result<Vec<Section>> {
     let mut sections = Vec::new();
     for curve in curves {
-        sections.push(section(curve)?);
+        sections.push(section(curve, earlier.iter().find(|earlier| earlier.name == curve.name))?);
         if curve.name == front::NAME {
             sections.push(presets::section(curve));
         }
@@ -46,25 +46,31 @@ pub fn sections(curves: &[Curve]) -> Result<Vec<Section>> {
     Ok(sections)
 }
 
-/// A curve's section: its table, plot and finding.
-pub fn section(curve: &Curve) -> Result<Section> {
+/// A curve's section: its table, plot and finding. The plot also shows the lines of an earlier curve, and a note
+/// compares what accuracy costs in both.
+pub fn section(curve: &Curve, before: Option<&Curve>) -> Result<Section> {
     let is_by_time = curve.points.iter().any(|point| point.simulated_s > 0.0);
     let x = if is_by_time { "computing time over simulated time" } else { "ms a step" };
     let axes = Logarithmic { x, y: "force error, %", level: Some(100.0 * JUST_NOTICEABLE) };
     let mut drawn: Vec<Panel> = Vec::new();
-    for line in curve.lines() {
+    let drawn_line = |line: super::Line, name: String| {
         let at = |point: &&Point| Some(((point.cost(), 100.0 * point.error()?), point.cost_range()));
         let (points, ranges) = line.points.iter().filter_map(at).unzip();
-        let new = plot::Line { name: line.name.into(), points, ranges };
-        match drawn.iter_mut().find(|panel| panel.title == line.panel) {
-            Some(panel) => panel.lines.push(new),
-            None => drawn.push(Panel { title: line.panel.into(), lines: vec![new] }),
+        (line.panel.to_string(), plot::Line { name, points, ranges })
+    };
+    let now = curve.lines().into_iter().map(|line| (line.name.to_string(), line));
+    let earlier = before.into_iter().flat_map(Curve::lines).map(|line| (format!("{} before", line.name), line));
+    for (panel, new) in now.chain(earlier).map(|(name, line)| drawn_line(line, name.trim().into())) {
+        match drawn.iter_mut().find(|drawn| drawn.title == panel) {
+            Some(drawn) => drawn.lines.push(new),
+            None => drawn.push(Panel { title: panel, lines: vec![new] }),
         }
     }
     // A panel without errors above zero cannot be drawn on a logarithmic axis.
     drawn.retain(|panel| panel.lines.iter().any(|line| line.points.iter().any(|(_, error)| *error > 0.0)));
     let plot = if drawn.is_empty() { None } else { Some(panels(&axes, &drawn)?) };
-    let (finding, notes) = finding(curve);
+    let (finding, mut notes) = finding(curve);
+    notes.extend(before.and_then(|before| gain(curve, before)));
     Ok(Section {
         title: curve.title.clone(),
         question: curve.question.clone(),
@@ -221,6 +227,39 @@ fn shares(curve: &Curve) -> String {
         all.join(", "),
         curve.share
     )
+}
+
+/// What the accuracy of each best buy of earlier results costs now, as a share of what it cost then: for each panel the
+/// least and the greatest share. `None`: the two have no panel with best buys in common.
+fn gain(curve: &Curve, before: &Curve) -> Option<String> {
+    let (now, then) = (curve.best(), before.best());
+    let best = |curve: &'_ Curve, is_best: &[bool]| -> Vec<Point> {
+        curve.points.iter().zip(is_best).filter(|(_, is_best)| **is_best).map(|(point, _)| point.clone()).collect()
+    };
+    let (now, then) = (best(curve, &now), best(before, &then));
+    let mut panels: Vec<&str> = then.iter().map(|point| point.panel.as_str()).collect();
+    panels.dedup();
+    let one = |panel: &&str| {
+        let as_accurate = |point: &&Point, error: f64| {
+            point.panel == **panel && point.error().is_some_and(|own| (1.0 - SAME_ERROR) * own <= error)
+        };
+        let share = |old: &Point| {
+            let error = old.error()?;
+            let costs = now.iter().filter(|point| as_accurate(point, error)).map(Point::cost);
+            Some(costs.fold(f64::INFINITY, f64::min) / old.cost())
+        };
+        let shares: Vec<f64> = then.iter().filter(|old| old.panel == **panel).filter_map(share).collect();
+        let reached: Vec<f64> = shares.iter().copied().filter(|share| share.is_finite()).collect();
+        let low = reached.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = reached.iter().copied().fold(0.0, f64::max);
+        let missed = shares.len() - reached.len();
+        let least = if missed > 0 { format!("; {missed} errors are not reached now") } else { String::new() };
+        let title = if panel.is_empty() { String::new() } else { format!("{panel}: ") };
+        (!reached.is_empty()).then(|| format!("{title}{} to {}{least}", digits(low), digits(high)))
+    };
+    let all: Vec<String> = panels.iter().filter_map(one).collect();
+    let what = "The error of each best buy before costs now, as a share of its cost then";
+    (!all.is_empty()).then(|| format!("{what}: {}.", all.join("; ")))
 }
 
 fn named(line: &super::Line) -> String {

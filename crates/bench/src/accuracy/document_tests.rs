@@ -61,3 +61,17 @@ fn faults_are_the_curves_that_are_not_within() {
         "expected the fault of the curve `other` alone: {found:?}"
     );
 }
+
+#[test]
+fn earlier_results_are_drawn_beside_and_their_cost_is_compared() {
+    let now = curve(&[0.5, 0.05, 0.005]);
+    let mut before = now.clone();
+    before.points.iter_mut().for_each(|point| point.step_us = vec![vec![4e3]]);
+    let told = section(&now, Some(&before)).unwrap();
+    let note = told.notes.iter().find(|note| note.contains("as a share of its cost then")).unwrap();
+    assert!(note.ends_with("0.25 to 0.25."), "{note}");
+    assert!(told.plot.unwrap().contains(">before<"), "the earlier line has no name");
+    // An error that no setting reaches any more is told.
+    let told = section(&curve(&[0.5, 0.05]), Some(&curve(&[0.5, 0.05, 0.005]))).unwrap();
+    assert!(told.notes.iter().any(|note| note.contains("1 errors are not reached now")), "{:?}", told.notes);
+}

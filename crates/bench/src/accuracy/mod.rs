@@ -162,7 +162,11 @@ impl Benchmark for Accuracy {
     }
 
     fn sections(&self, parts: &Map<String, Value>) -> Result<Vec<Section>> {
-        document::sections(&curves(parts)?)
+        document::sections(&curves(parts)?, &[])
+    }
+
+    fn compared(&self, parts: &Map<String, Value>, earlier: &Map<String, Value>) -> Result<Vec<Section>> {
+        document::sections(&curves(parts)?, &curves(earlier)?)
     }
 
     fn faults(&self, parts: &Map<String, Value>) -> Result<Vec<String>> {

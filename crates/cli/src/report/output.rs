@@ -120,8 +120,10 @@ struct Place {
 
 impl Place {
     fn take(&self) -> io::Result<()> {
-        if self.target.symlink_metadata().is_ok() {
-            fs::rename(&self.target, &self.older)?;
+        match self.target.symlink_metadata() {
+            Ok(facts) if facts.is_dir() => return Err(ErrorKind::IsADirectory.into()),
+            Ok(_) => fs::rename(&self.target, &self.older)?,
+            Err(_) => {}
         }
         fs::rename(&self.new, &self.target)
     }
@@ -297,6 +299,20 @@ mod tests {
         assert!(output.write("y.csv", |w| writeln!(w, "y")).unwrap_err().to_string().contains("y.csv"));
         drop(output);
         assert_eq!(names(root.path()), ["y.csv"]);
+    }
+
+    #[test]
+    fn if_one_file_cannot_be_moved_none_is() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join("x.csv"), "old").unwrap();
+        let mut output = Output::create(root.path()).unwrap();
+        for name in ["w.csv", "x.csv", "y.csv"] {
+            output.write(name, |w| writeln!(w, "new")).unwrap();
+        }
+        fs::create_dir(root.path().join("y.csv")).unwrap();
+        assert!(output.commit().unwrap_err().to_string().contains("y.csv"));
+        assert_eq!(names(root.path()), ["x.csv", "y.csv"]);
+        assert_eq!(fs::read_to_string(root.path().join("x.csv")).unwrap(), "old");
     }
 
     #[test]
