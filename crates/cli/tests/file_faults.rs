@@ -225,7 +225,7 @@ fn lasting_every_file_operation_may_fail() {
         (&run, true),
         #[cfg(feature = "view")]
         (&["film", "@scene.toml", "--seconds", "0.1", "--size", "64x48", "--out", "@out"], true),
-        (&["prepare", "@tool.obj", "--cells", "6", "--out", "@out"], false),
+        (&["prepare", "@tool.obj", "--cells", "20", "--out", "@out"], false),
         (&["query", "@tool.obj", "@tool.obj", "--runs", "1", "--out", "@out"], false),
         (&["run", "@scene.toml", "--explain", "--out", "@out"], true),
     ];
