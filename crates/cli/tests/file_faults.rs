@@ -44,8 +44,8 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files.map(|file| (file.file_name().into_string().unwrap(), untimed(&file.path()))).collect()
 }
 
-/// The content of a file without times: of a table the columns that are no times, of a summary its keys, of a page that
-/// it is whole.
+/// The content of a file without times: of a table the columns that are no times, of a text the lines, of a summary its
+/// keys, of a page that it is whole.
 fn untimed(file: &Path) -> Vec<u8> {
     let bytes = fs::read(file).unwrap();
     let text = || String::from_utf8(bytes.clone()).unwrap();
@@ -66,6 +66,7 @@ fn untimed(file: &Path) -> Vec<u8> {
             };
             text.lines().map(row).collect::<Vec<_>>().join("\n").into()
         }
+        Some("txt") => text().lines().filter(|line| !line.starts_with("seconds: ")).collect::<String>().into(),
         Some("json") => keys(&serde_json::from_slice(&bytes).unwrap()).into(),
         Some("html") => {
             let text = text();
