@@ -70,7 +70,7 @@ fn earlier_results_are_drawn_beside_and_their_cost_is_compared() {
     let told = section(&now, Some(&before)).unwrap();
     let note = told.notes.iter().find(|note| note.contains("as a share of its cost then")).unwrap();
     assert!(note.ends_with("0.25 to 0.25."), "{note}");
-    assert!(told.plot.unwrap().contains(">before<"), "the earlier line has no name");
+    assert!(told.plot.unwrap().contains("before"), "the earlier line has no name");
     // An error that no setting reaches any more is told.
     let told = section(&curve(&[0.5, 0.05]), Some(&curve(&[0.5, 0.05, 0.005]))).unwrap();
     assert!(told.notes.iter().any(|note| note.contains("1 errors are not reached now")), "{:?}", told.notes);
