@@ -76,10 +76,11 @@ fn lasting_every_vulkan_call_of_a_device_may_fail() {
     heard.assert_silent("a run without faults");
     let mut tried = std::collections::BTreeMap::<String, u32>::new();
 
-    // Faults while a device is opened and closed.
+    // Faults while a device is opened and closed. Without the validation layer: with version 1.3.239 of it the heap was
+    // seen corrupted later on, in the layer's own code.
     for (place, kind) in (0..).flat_map(|place| (0..KINDS).map(move |kind| (place, kind))) {
         FAULTS.arm(Some(place), kind);
-        let came = open().map(drop);
+        let came = Context::open(&heard.options(false)).map(drop);
         let Some((name, _)) = FAULTS.struck() else { break };
         *tried.entry(format!("{name} (opening or closing)")).or_default() += 1;
         check(came.err().as_ref());

@@ -253,9 +253,11 @@ fn gain(curve: &Curve, before: &Curve) -> Option<String> {
         let low = reached.iter().copied().fold(f64::INFINITY, f64::min);
         let high = reached.iter().copied().fold(0.0, f64::max);
         let missed = shares.len() - reached.len();
-        let least = if missed > 0 { format!("; {missed} errors are not reached now") } else { String::new() };
+        let shares = (!reached.is_empty()).then(|| format!("{} to {}", digits(low), digits(high)));
+        let least = (missed > 0).then(|| format!("not reached in {missed} of {}", reached.len() + missed));
+        let told: Vec<String> = shares.into_iter().chain(least).collect();
         let title = if panel.is_empty() { String::new() } else { format!("{panel}: ") };
-        (!reached.is_empty()).then(|| format!("{title}{} to {}{least}", digits(low), digits(high)))
+        (!told.is_empty()).then(|| format!("{title}{}", told.join(", ")))
     };
     let all: Vec<String> = panels.iter().filter_map(one).collect();
     let what = "The error of each best buy before costs now, as a share of its cost then";

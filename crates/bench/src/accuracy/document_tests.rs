@@ -73,5 +73,5 @@ fn earlier_results_are_drawn_beside_and_their_cost_is_compared() {
     assert!(told.plot.unwrap().contains("before"), "the earlier line has no name");
     // An error that no setting reaches any more is told.
     let told = section(&curve(&[0.5, 0.05]), Some(&curve(&[0.5, 0.05, 0.005]))).unwrap();
-    assert!(told.notes.iter().any(|note| note.contains("1 errors are not reached now")), "{:?}", told.notes);
+    assert!(told.notes.iter().any(|note| note.ends_with("cost then: not reached in 1 of 1.")), "{:?}", told.notes);
 }
