@@ -1,7 +1,8 @@
 //! Each Vulkan call that may fail does so once, with each of its errors: while a device is opened, a simulation is made,
 //! steps are done and results are read. Each failure must come out as an error of the right kind, without a panic and
-//! without a leaked object (the validation layer reports these), and what is made afterwards must work as if nothing had
-//! happened. Windows and pictures have a test of their own among those of the program.
+//! without a leaked object (the validation layer reports these; while a device is opened only instances are counted), and
+//! what is made afterwards must work as if nothing had happened. Windows and pictures have a test of their own among
+//! those of the program.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

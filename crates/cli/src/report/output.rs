@@ -90,7 +90,8 @@ impl Output {
     }
 
     /// Moves every file to its final name, in the order in which the files were made; older files of these names are
-    /// replaced. If a file cannot be moved, those moved before go back, and the older files too.
+    /// replaced. If a file cannot be moved, those moved before go back, and the older files too. A process that is killed
+    /// meanwhile may leave some files moved, and older files in the hidden folder, which the next run removes.
     pub fn commit(self) -> Result<()> {
         let Output { directory, hidden, names, .. } = self;
         hidden.finish(|folder| {
