@@ -54,23 +54,38 @@ READ_ONLY(uvec4, hits);  // triangle, next hit on the ray, bits of the depth, 2 
 layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };  // depth (m), barycentric weights, area (m^2)
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, its side, triangle
 layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, from a to b
-// Bits of the push, which is depth times rest area times the vertex's normal, and the pair of proxies.
+// Bits of the push, which is depth times rest area times the vertex's normal without walls, and the pair of proxies.
 layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };
 layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };  // one bit per vertex of a chunk: it collides
 
-// Unit outward normal of a skin vertex, from the area vectors of the triangles around it.
-vec3 outward_normal(uint vertex) {
-    vec3 sum = vec3(0.0);
+// Cosines of the angle between a contact's normal and a triangle around a vertex: above the second the triangle is a face
+// that lies on the contact, below the first it is none. Where there is a face, what is steeper than WALL counts the less
+// the steeper it is.
+const vec2 FACE = vec2(0.7, 0.95);
+const float WALL = 0.5;
+
+// Unit outward normal of a skin vertex, from the area vectors of the triangles around it. `faced`: the same without the
+// walls beside a face that lies on a contact with the normal `towards`.
+vec3 outward_normal(uint vertex, vec3 towards, out vec3 faced) {
+    vec3 all = vec3(0.0), facing = vec3(0.0);
+    float greatest = 0.0;
     for (uint k = fan_first[vertex]; k < fan_first[vertex + 1]; k++) {
         uvec3 corners = fetch(triangles, fans[k]).xyz;
         vec3 p = fetch(skin, corners.x).xyz;
-        sum += cross(fetch(skin, corners.y).xyz - p, fetch(skin, corners.z).xyz - p);
+        vec3 area = cross(fetch(skin, corners.y).xyz - p, fetch(skin, corners.z).xyz - p);
+        float length2 = dot(area, area);
+        float cosine = length2 > 0.0 ? dot(area, towards) * inversesqrt(length2) : 0.0;
+        all += area;
+        facing += smoothstep(0.0, WALL, cosine) * area;
+        greatest = max(greatest, cosine);
     }
-    float length2 = dot(sum, sum);
-    return length2 > 0.0 ? sum * inversesqrt(length2) : vec3(0.0);
+    faced = mix(all, facing, smoothstep(FACE.x, FACE.y, greatest));
+    float length2 = dot(all, all), faced2 = dot(faced, faced);
+    faced *= faced2 > 0.0 ? inversesqrt(faced2) : 0.0;
+    return length2 > 0.0 ? all * inversesqrt(length2) : vec3(0.0);
 }
 
 // A number above every index of a hit; shared/ray_hit.glsl explains why loops test against it.
@@ -204,7 +219,9 @@ void find_candidates() {
             continue;
         }
         normal = normalize(normal);
-        vec3 outward = (side_b ? -1.0 : 1.0) * outward_normal(vertex);
+        float sign = side_b ? -1.0 : 1.0;
+        vec3 faced;
+        vec3 outward = sign * outward_normal(vertex, sign * normal, faced);
         float facing = dot(outward, normal);
         bool alone = pair.is_plane != 0 || pair.lone_side != 0;
         float area = (alone ? 1.0 : 0.5) * facing * areas[vertex];
@@ -226,9 +243,10 @@ void find_candidates() {
             uint b = (side_b ? entry.pair_proxy : other) - pair.first_pair_proxy[1];
             proxy_pair = pair.first_proxy_pair + a * pair.proxy_count[1] + b;
         }
-        // The push is depth times rest area times the vertex's normal, turned to point from a to b; culling uses it in
-        // the next step.
-        candidate_pushes[at] = uvec4(floatBitsToUint(depth * areas[vertex] * outward), proxy_pair);
+        // The push is depth times rest area times the normal, turned to point from a to b; culling uses it in the next
+        // step. The walls beside the rim of a flat face do not count: seldom do as many vertices of one rim collide as of
+        // the opposite one, so that they would tilt the contact normal.
+        candidate_pushes[at] = uvec4(floatBitsToUint(depth * areas[vertex] * sign * faced), proxy_pair);
     }
     // If these numbers differ, the driver ended the loop early.
     if (done != (listed_count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);

@@ -9,3 +9,4 @@ pub mod invariants;
 pub mod layers;
 pub mod materials;
 pub mod motion;
+pub mod stacked;

@@ -1,8 +1,9 @@
 //! Tests of kernel contact/candidates, which decides for each candidate (vertex of a skin, that is a surface mesh)
 //! whether it collides and how deep. The tests make up lists of ray hits (triangles of the other body that a vertex's
 //! ray meets). The nearest hit on a vertex's ray decides, depths in several contact patches of a pair of bodies (places
-//! where the pair may touch along one normal) are blended, and flags and pushes (depth times rest area times the
-//! vertex's normal, from which the next step's contact normals are found) are written. Results are compared with f64.
+//! where the pair may touch along one normal) are blended, and flags and pushes (depth times rest area times the normal
+//! of what faces the contact around the vertex, from which the next step's contact normals are found) are written.
+//! Results are compared with f64.
 
 use glam::{DMat3, DVec3};
 use palpate::internal::shaders;
@@ -41,7 +42,8 @@ type Made = (u32, f64, bool, u32);
 struct Given {
     side: u32,
     flow: Flow,
-    outward: Vec<DVec3>,
+    /// Area vectors of the two triangles around each vertex.
+    around: Vec<[DVec3; 2]>,
     /// Ray hits, by vertex and patch.
     is_hit: Vec<[Vec<Made>; PAIR_PATCHES]>,
 }
@@ -79,7 +81,7 @@ impl Given {
         let model = &mut flow.model;
         (flow.skin, model.triangles, model.fan_first, model.fans, model.skin_areas) =
             (vec![], vec![], vec![0], vec![], vec![]);
-        Given { side, flow, outward: vec![], is_hit: vec![] }
+        Given { side, flow, around: vec![], is_hit: vec![] }
     }
 
     /// Number of contact patches.
@@ -87,18 +89,21 @@ impl Given {
         self.flow.contact_patches.iter().filter(|contact_patch| contact_patch.weight > 0.0).count()
     }
 
-    /// Adds a vertex with its outward normal, and makes the hits on its ray in each patch, in the order of `ray_hits`.
+    /// Adds a vertex in a triangle with this normal and in a smaller one at right angles to it, and makes the hits on its
+    /// ray in each patch, in the order of `ray_hits`.
     fn add(&mut self, x: DVec3, outward: DVec3, ray_hits: &[Vec<RayHit>], random: &mut Random) {
         let model = &mut self.flow.model;
         let first = self.flow.skin.len() as u32;
         let (u, v) = outward.any_orthonormal_pair();
         let turned = if u.cross(v).dot(outward) > 0.0 { [u, v] } else { [v, u] };
-        self.flow.skin.extend([x, x + 0.01 * turned[0], x + 0.01 * turned[1]].map(narrow));
-        model.fans.push(model.triangles.len() as u32);
-        model.fan_first.extend([model.fans.len() as u32; 3]);
-        model.skin_areas.extend([1e-4 * (1.5 + random.next() as f32), 0.0, 0.0]);
-        model.triangles.push([first, first + 1, first + 2, 0]);
-        self.outward.push(outward);
+        let corners = [x, x + 0.01 * turned[0], x + 0.01 * turned[1], x + 0.004 * outward];
+        self.flow.skin.extend(corners.map(narrow));
+        let corner = |k: u32| wide(&self.flow.skin[(first + k) as usize]) - wide(&self.flow.skin[first as usize]);
+        self.around.push([corner(1).cross(corner(2)), corner(3).cross(corner(1))]);
+        model.fans.extend([0, 1].map(|k| model.triangles.len() as u32 + k));
+        model.fan_first.extend([model.fans.len() as u32; 4]);
+        model.skin_areas.extend([1e-4 * (1.5 + random.next() as f32), 0.0, 0.0, 0.0]);
+        model.triangles.extend([[first, first + 1, first + 2, 0], [first, first + 3, first + 1, 0]]);
         let mut is_hit: [Vec<_>; PAIR_PATCHES] = Default::default();
         for (r, list) in ray_hits.iter().enumerate() {
             for (depth, front) in list {
@@ -143,6 +148,7 @@ impl Given {
         let is_own = |t: &u32| flow.model.fans.contains(t);
         let own = (0..flow.model.triangles.len() as u32).filter(is_own);
         flow.model.chunk_vertices = own.map(|t| flow.model.triangles[t as usize][0]).collect();
+        flow.model.chunk_vertices.dedup();
         let chunk = |first: usize| Chunk {
             vertex_first: first as u32,
             vertex_count: (count - first).min(CHUNK_VERTICES) as u32,
@@ -209,7 +215,7 @@ impl Given {
                 continue;
             };
             let sign = if self.side == 0 { 1.0 } else { -1.0 };
-            let facing = sign * self.outward[v].dot(normal);
+            let facing = sign * self.around[v].iter().sum::<DVec3>().normalize().dot(normal);
             if facing <= BLENDED {
                 assert!(hit[3] < 1e-6, "{what} faces away, so that its area must be zero");
                 continue;
@@ -228,7 +234,7 @@ impl Given {
                 "{what}: vertex, side and opposing triangle"
             );
             self.check_point(v, strongest.2, strongest.1, strongest.3.0);
-            let push = sign * depth * area * self.outward[v];
+            let push = sign * depth * area * without_walls(&self.around[v], sign * normal);
             let allowed = Tolerance { abs: BLENDED * depth * area, rel: 0.0 };
             expect_close(&what, &flow.pushes[v][..3], &push.to_array(), allowed);
             let pair_proxies = if self.side == 0 { [1, strongest.3.3 - 2] } else { [strongest.3.3, 1] };
@@ -253,6 +259,17 @@ impl Given {
         let want = skin(self.flow.model.chunk_vertices[v]) + sign * depth * normal;
         assert!(at.distance(want) < 4.0 * DEPTH, "vertex {v}: opposing point {at} m, expected {want} m");
     }
+}
+
+/// The unit normal of triangles with these area vectors, without those that are steep to `towards` beside one that is not.
+fn without_walls(areas: &[DVec3], towards: DVec3) -> DVec3 {
+    let smooth = |low: f64, high: f64, x: f64| {
+        let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    };
+    let cosine = |area: &DVec3| area.normalize().dot(towards);
+    let share = smooth(0.7, 0.95, areas.iter().map(cosine).fold(0.0, f64::max));
+    areas.iter().map(|area| (1.0 - share + share * smooth(0.0, 0.5, cosine(area))) * *area).sum::<DVec3>().normalize()
 }
 
 /// Runs the kernel on one vertex that faces the other body and has these hits on its ray. Returns depth and flags.

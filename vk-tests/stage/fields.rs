@@ -463,7 +463,9 @@ fn fields_are_what_the_host_knows() {
     ];
     for (name, text) in all {
         let mut simulation = open(&scene(text), None);
-        for steps in [0, 45] {
+        // Bodies that collide have parted again at one of these times.
+        let mut has_pressure = name == "a chain";
+        for steps in [0, 25, 20] {
             run(&mut simulation, steps);
             let (energies, distances) = of_host(&simulation);
             let (depths, _) = of_contacts(&simulation);
@@ -482,11 +484,9 @@ fn fields_are_what_the_host_knows() {
                 steps == 0 || (got[2].iter().any(|e| *e > 0.0) && got[3].iter().any(|d| *d > 0.0)),
                 "{name}: strain energy or displacement is zero everywhere"
             );
-            assert!(
-                steps == 0 || name == "a chain" || got[1].iter().any(|p| *p > 0.0),
-                "{name}: pressure is zero everywhere"
-            );
+            has_pressure |= got[1].iter().any(|p| *p > 0.0);
         }
+        assert!(has_pressure, "{name}: pressure is zero everywhere and at all times");
     }
 }
 
