@@ -24,6 +24,9 @@
 // Only vertices that face the other body take part. A contact's area is the vertex's area at rest, projected along the
 // normal, and halved where vertices of both bodies are tested.
 //
+// Where a pair's contacts are found by triangles, a candidate is made of the overlap of each triangle of the chunk
+// (depth/overlaps) instead.
+//
 // The result for a vertex, a candidate, is stored at the vertex's place in its chunk, with the vertex's side: 2 * pair
 // of bodies + (0: the vertex belongs to body a, 1: to body b). The last workgroup to finish lists all candidates that
 // collide, in an order that is the same on every device. If there are more than CAPACITY, a flag reports it, and
@@ -34,7 +37,9 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool BLEND = true;  // false: the strongest patch alone counts, with the depth of its ray
 layout(constant_id = 2) const uint CAPACITY = 1;
-layout(constant_id = 3) const bool SKINS = true;  // whether skins may meet skins; false: they meet half-spaces only
+layout(constant_id = 3) const bool SKINS = true;  // whether rays run; false: vertices meet half-spaces only
+layout(constant_id = 4) const bool OVERLAPS = false;  // whether pairs exist whose contacts are found by triangles
+layout(constant_id = 5) const uint SLOTS = CHUNK_VERTICES;  // places for candidates of an active chunk: 64 or, with OVERLAPS, 128
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
@@ -59,7 +64,10 @@ layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };         // candidate of each contact
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) coherent buffer ChunkContacts { uvec2 chunk_contacts[]; };  // one bit per vertex of a chunk: it collides
+layout(scalar) coherent buffer ChunkContacts { uint chunk_contacts[]; };  // a bit for each place of a chunk: it collides
+READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four per texel
+layout(scalar) readonly buffer Overlaps { Overlap overlaps[]; };
+layout(scalar) readonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRIANGLES for each work item: overlap, or NONE
 
 // Cosines of the angle between a contact's normal and a triangle around a vertex: above the second the triangle is a face
 // that lies on the contact, below the first it is none. Where there is a face, what is steeper than WALL counts the less
@@ -133,7 +141,7 @@ const float GRAZING = 0.5;
 
 shared uint listed[CHUNK_VERTICES];
 shared uint listed_count;
-shared uint colliding[2];
+shared uint colliding[SLOTS / 32];
 shared uint totals[SIZE];
 shared bool is_last;
 
@@ -141,7 +149,8 @@ shared bool is_last;
 // hits.
 void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     uint lane = gl_LocalInvocationID.x;
-    if (lane == 0) listed_count = colliding[0] = colliding[1] = 0;
+    if (lane == 0) listed_count = 0;
+    for (uint k = lane; k < SLOTS / 32; k += SIZE) colliding[k] = 0;
     barrier();
     uint contact_patches = bitCount(entry.contact_patches);
     for (uint l = 4 * lane; l < chunk.vertex_count; l += 4 * SIZE) {
@@ -157,16 +166,13 @@ void list_vertices(ActiveChunk entry, Chunk chunk, bool all) {
     barrier();
 }
 
-void find_candidates() {
-    ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
-    Chunk chunk = chunks[entry.chunk];
-    Pair pair = pairs[entry.side / 2];
+void find_candidates(ActiveChunk entry, Chunk chunk, Pair pair) {
     bool side_b = (entry.side & 1) != 0;
     list_vertices(entry, chunk, pair.is_plane != 0);
     uint done = 0;
     for (uint k = gl_LocalInvocationID.x; k < listed_count; k += SIZE) {
         done++;
-        uint l = listed[k], at = gl_WorkGroupID.x * CHUNK_VERTICES + l, v = chunk.vertex_first + l;
+        uint l = listed[k], at = gl_WorkGroupID.x * SLOTS + l, v = chunk.vertex_first + l;
         uint vertex = fetch(chunk_vertices, v / 4)[v % 4];
         float weights[PAIR_PATCHES], depths[PAIR_PATCHES], strongest = 0.0;
         vec3 hit = vec3(0.0);
@@ -252,13 +258,69 @@ void find_candidates() {
     if (done != (listed_count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }
 
-// Lists all candidates that collide; each lane takes a contiguous run of chunks.
+// Makes candidates of the overlaps of the chunk's triangles. Several patches are blended as for vertices, with the mean
+// depth in place of a vertex's.
+void find_overlapping(ActiveChunk entry, Chunk chunk, Pair pair) {
+    bool side_b = (entry.side & 1) != 0;
+    for (uint k = gl_LocalInvocationID.x; k < SLOTS / 32; k += SIZE) colliding[k] = 0;
+    barrier();
+    for (uint l = gl_LocalInvocationID.x; l < chunk.triangle_count; l += SIZE) {
+        float weights[PAIR_PATCHES], strongest = 0.0;
+        uint places[PAIR_PATCHES];
+        Overlap nearest;
+        uint work_item = entry.first_work_item;
+        for (uint r = 0; r < PAIR_PATCHES; r++) {
+            weights[r] = 0.0;
+            if ((entry.contact_patches & (1u << r)) == 0) continue;
+            places[r] = overlap_at[work_item++ * CHUNK_TRIANGLES + l];
+            if (places[r] == NONE) continue;
+            Overlap found = overlaps[places[r]];
+            float depth = found.volume / found.area;
+            weights[r] = shares[entry.pair_proxy * PAIR_PATCHES + r] / max(depth * depth, 1.0e-30);
+            if (weights[r] > strongest) {
+                strongest = weights[r];
+                nearest = found;
+            }
+        }
+        if (strongest == 0.0) continue;
+        float all = 0.0, area = 0.0, volume = 0.0;
+        vec3 normal = vec3(0.0), push = vec3(0.0);
+        for (uint r = 0; r < PAIR_PATCHES; r++) {
+            float weight = weights[r] / strongest;
+            weight *= BLEND ? smoothstep(0.5, 1.0, weight) : float(weight == 1.0);
+            if (weight == 0.0) continue;
+            Overlap found = overlaps[places[r]];
+            all += weight;
+            area += weight * found.area;
+            volume += weight * found.volume;
+            push += weight * found.push;
+            normal += weight * contact_patches[(entry.side / 2) * PAIR_PATCHES + r].normal;
+        }
+        if (dot(normal, normal) <= 1.0e-6 * all * all) {
+            atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);
+            continue;
+        }
+        if (nearest.deepest > params.depth_limit) atomicOr(counts.flags, FLAG_DEPTH_LIMIT);
+        uint at = gl_WorkGroupID.x * SLOTS + l, t = chunk.triangle_first + l;
+        atomicOr(colliding[l / 32], 1u << l % 32);
+        candidate_hits[at] = vec4(volume / area, nearest.barycentric, area / all);
+        // The contact counts as one of the other body's vertex on the triangle.
+        candidate_what[at] = uvec4(nearest.vertex, entry.side ^ 1, fetch(chunk_triangles, t / 4)[t % 4], 0);
+        candidate_normals[at] = vec4(normalize(normal), 0.0);
+        // The other side has one proxy.
+        uint own = entry.pair_proxy - pair.first_pair_proxy[side_b ? 1 : 0];
+        uint proxy_pair = pair.first_proxy_pair + own * (side_b ? 1 : pair.proxy_count[1]);
+        candidate_pushes[at] = uvec4(floatBitsToUint((side_b ? -1.0 : 1.0) / all * push), proxy_pair);
+    }
+}
+
+// Lists all candidates that collide; each lane takes a contiguous run of the words of `chunk_contacts`.
 void list_all() {
-    uint lane = gl_LocalInvocationID.x;
-    uint run = (counts.gathering + SIZE - 1) / SIZE;
-    uint begin = min(lane * run, counts.gathering), end = min(begin + run, counts.gathering);
+    uint lane = gl_LocalInvocationID.x, words = counts.gathering * (SLOTS / 32);
+    uint run = (words + SIZE - 1) / SIZE;
+    uint begin = min(lane * run, words), end = min(begin + run, words);
     uint own = 0;
-    for (uint e = begin; e < end; e++) own += bitCount(chunk_contacts[e].x) + bitCount(chunk_contacts[e].y);
+    for (uint e = begin; e < end; e++) own += bitCount(chunk_contacts[e]);
     totals[lane] = own;
     barrier();
     uint at = 0, all = 0;
@@ -269,12 +331,10 @@ void list_all() {
     bool fits = all <= CAPACITY;
     uint after = at + own;
     for (uint e = begin; e < end && fits; e++) {
-        uvec2 left = chunk_contacts[e];
-        while (any(notEqual(left, uvec2(0)))) {
-            uint bit = left.x != 0 ? findLSB(left.x) : 32 + findLSB(left.y);
-            contact_source[at++] = e * CHUNK_VERTICES + bit;
-            if (left.x != 0) left.x &= left.x - 1;
-            else left.y &= left.y - 1;
+        uint left = chunk_contacts[e];
+        while (left != 0) {
+            contact_source[at++] = 32 * e + findLSB(left);
+            left &= left - 1;
         }
     }
     // If these numbers differ, the driver ended the loop early.
@@ -288,9 +348,17 @@ void list_all() {
 }
 
 void main() {
-    find_candidates();
+    ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
+    Chunk chunk = chunks[entry.chunk];
+    Pair pair = pairs[entry.side / 2];
+    if (OVERLAPS) {
+        if (pair.by_triangles != 0) find_overlapping(entry, chunk, pair);
+    }
+    if (pair.by_triangles == 0) find_candidates(entry, chunk, pair);
     barrier();
-    if (gl_LocalInvocationID.x == 0) chunk_contacts[gl_WorkGroupID.x] = uvec2(colliding[0], colliding[1]);
+    if (gl_LocalInvocationID.x == 0) {
+        for (uint k = 0; k < SLOTS / 32; k++) chunk_contacts[gl_WorkGroupID.x * (SLOTS / 32) + k] = colliding[k];
+    }
     memoryBarrierBuffer();
     if (gl_LocalInvocationID.x == 0) {
         is_last = atomicAdd(counts.chunks_asked, 1) == gl_NumWorkGroups.x - 1;

@@ -12,8 +12,9 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint CAPACITY = 1;
+layout(constant_id = 2) const uint SLOTS = CHUNK_VERTICES;  // places for candidates of an active chunk
 
-READ_ONLY(vec4, candidate_hits);       // depth in x, m; CHUNK_VERTICES candidates for each active chunk
+READ_ONLY(vec4, candidate_hits);       // depth in x, m; SLOTS candidates for each active chunk
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) writeonly buffer ContactSource { uint contact_source[]; };  // candidate of each contact
 layout(scalar) readonly buffer ChunkContacts { uint chunk_contacts[]; };   // a bit for each candidate: it collides
@@ -127,7 +128,7 @@ void list(inout uint at, inout uint ties, uint i, float least, uint room) {
 
 void main() {
     uint lane = gl_LocalInvocationID.x;
-    uint candidates = counts.gathering * CHUNK_VERTICES;
+    uint candidates = counts.gathering * SLOTS;
     uint run = (candidates / BATCH + SIZE - 1) / SIZE * BATCH;
     begin = min(lane * run, candidates);
     end = min(begin + run, candidates);

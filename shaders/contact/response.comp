@@ -116,7 +116,12 @@ void main() {
     // both friction forces of a contact act at one point; on a soft body that the device holds, it acts at this body's
     // point.
     vec3 at = fetch(skin, vertex).xyz;
-    if (FRICTION) {
+    if (pair.by_triangles != 0) {
+        // The contact's point is the centre of pressure on the triangle, and all but one body is rigid.
+        uvec3 corners = fetch(triangles, triangle).xyz;
+        at = (1.0 - found.y - found.z) * fetch(skin, corners.x).xyz + found.y * fetch(skin, corners.y).xyz
+            + found.z * fetch(skin, corners.z).xyz;
+    } else if (FRICTION) {
         float rigid = TOOL ? pair.tool_sign : -pair.tool_sign;
         bool first = rigid > 0.0 || (rigid == 0.0 && pair.kinematic_frame[0] != NONE);
         bool second = rigid < 0.0 || pair.kinematic_frame[1] != NONE;

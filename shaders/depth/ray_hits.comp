@@ -66,7 +66,8 @@ void main() {
     // end loops early (docs/evidence/benchmarks.md, "Two traps"). No triangle is visited if one body is a half-space,
     // which needs no rays, or if the vertices of the other body are not tested for contact.
     Pair pair = pairs[entry.side / 2];
-    uint triangle_count = pair.is_plane != 0 || !gathers(pair, other) ? 0 : chunk.triangle_count;
+    bool has_rays = pair.is_plane == 0 && pair.by_triangles == 0 && gathers(pair, other);
+    uint triangle_count = has_rays ? chunk.triangle_count : 0;
     uint due = turns_of(triangle_count), done = 0;
     // Triangles that may be hit are listed first, so that no lane is idle for a triangle that cannot be hit.
     if (lane == 0) listed_count = large_count = 0;

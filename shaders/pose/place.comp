@@ -45,7 +45,7 @@ shared float reach2[SIZE];
 void main() {
     uint lane = gl_LocalInvocationID.x;
     if (gl_GlobalInvocationID.x == 0) {
-        counts = Counts(0, 0, 0, 0, 0, 0, 0, 0, 0, counts.contacts, 0);
+        counts = Counts(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, counts.contacts, 0);
         for (uint k = 0; k < ARGS_LOOP_ELEMENT_PRODUCT; k++) {
             args[3 * k] = 0;
             args[3 * k + 1] = 1;

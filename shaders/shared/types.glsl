@@ -135,7 +135,9 @@ struct Pair {
     float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
     uint is_plane;              // 1: b is a half-space
     uint kinematic_frame[2];       // frame of a and of b where these are rigid and kinematic, or NONE
-    uint lone_side;             // which vertices are tested for contact; 0: of both sides, 1: of a alone, 2: of b alone
+    uint lone_side;             // which skin is tested for contact; 0: both sides, 1: that of a alone, 2: that of b alone
+    uint by_triangles;          // 1: the triangles of the lone side are tested, 0: vertices; the other side is then rigid
+                                // and has one proxy
     vec4 direction;             // prescribed contact normal, in place of one from culling; w = 0: none is prescribed
     vec4 plane;                 // unit normal and offset (m) of the half-space's boundary
 };
@@ -185,6 +187,16 @@ const uint CHUNK_VERTICES = 64;     // most skin vertices of a chunk
 const uint CHUNK_TRIANGLES = 128;   // most triangles of a chunk
 const uint PAIR_PATCHES = 4;        // most contact patches of a pair of bodies
 
+// How far a triangle of the gathering skin overlaps the other skin, seen along the normal of a contact patch.
+struct Overlap {
+    float area;                 // area of the overlap, projected along the normal, m^2
+    float volume;               // integral of the depth over it, m^3
+    vec2 barycentric;           // weights of the triangle's second and third corner at the centre of pressure
+    vec3 push;                  // integral of the depth times a unit normal out of the gathering skin, world axes, m^3
+    float deepest;              // greatest depth, m
+    uint vertex;                // a vertex of the triangle of the other skin with the greatest part of the volume
+};
+
 // A pair proxy: one collision proxy as a member of one pair of bodies.
 struct PairProxy {
     uint pair;
@@ -220,6 +232,7 @@ struct Counts {
     uint gathering;             // active chunks whose vertices are tested for contact; they are listed first
     uint pair_proxies_met;             // workgroups of cull/meet that have finished
     uint hits;                  // ray hits found by the depth stage
+    uint overlaps;              // overlaps of triangles found by the depth stage
     uint chunks_asked;          // workgroups of contact/candidates that have finished
     uint contacts;
     uint entries;               // entries in the lists of contacts by node; an entry is a contact and its weight

@@ -10,7 +10,7 @@
 use serde::Serialize;
 
 use crate::prepare::Body;
-use crate::scene::{Body as SceneBody, MaterialLaw, Preconditioner, Scene, Shape, Sides};
+use crate::scene::{Body as SceneBody, MaterialLaw, Preconditioner, Samples, Scene, Shape, Sides};
 use crate::stages::material_law;
 use crate::stages::model::Model;
 
@@ -63,7 +63,9 @@ fn of_contact(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &s
     let yes = format!("coefficient {friction}; viscous below a sliding speed of {} m/s", model.friction[1]);
     add("friction", touches && friction > 0.0, yes, no_contact("contact.friction is zero"));
     let both = model.pairs.iter().filter(|pair| pair.is_plane == 0 && pair.lone_side == 0).count();
+    let by_triangles = model.pairs.iter().filter(|pair| pair.by_triangles != 0).count();
     let one = match scene.contact.sides {
+        _ if by_triangles > 0 => "the triangles of one skin of each pair are tested for contact",
         Sides::One => "contact.sides is \"one\": only vertices of the finer skin of each pair are tested for contact",
         Sides::Both => "only half-spaces are touched",
     };
@@ -73,11 +75,22 @@ fn of_contact(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &s
         format!("{both} pairs of bodies: vertices of both skins are tested for contact"),
         no_contact(one),
     );
+    let reason = match scene.contact.samples {
+        Samples::Vertices => "contact.samples is \"vertices\"",
+        Samples::Triangles => "no pair has a rigid body with a single hull",
+        Samples::Auto => "no pair has a rigid body with a single hull and sharp edges or the coarser skin",
+    };
+    add(
+        "overlaps of triangles",
+        by_triangles > 0,
+        format!("{by_triangles} pairs of bodies: the depth is integrated over triangles"),
+        no_contact(reason),
+    );
     add(
         "depth stage (ray hits)",
         depth.is_some(),
         depth.unwrap_or_default().into(),
-        no_contact("only half-spaces are touched"),
+        no_contact(if by_triangles > 0 { "no pair is tested by vertices" } else { "only half-spaces are touched" }),
     );
 }
 

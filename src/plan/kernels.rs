@@ -26,7 +26,11 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
     let reason = match kernel {
         "pose/place" if !touches => "nothing can touch",
         "pose/carry" if model.attached_nodes.is_empty() => "no nodes are attached to a moving frame",
-        "cull/pairs" | "cull/direction" if !model.needs_depth() => "only half-spaces are touched",
+        "cull/pairs" | "cull/direction" if !model.has_skin_pairs() => "only half-spaces are touched",
+        "depth/overlaps" if !model.needs_overlaps() => "no pair of bodies is tested by triangles",
+        "depth/ray_hits" | "depth/ray_hits.vert" | "depth/ray_hits.frag" if !model.needs_depth() => {
+            "no pair of bodies is tested by vertices"
+        }
         "contact/sort" if model.node_rest.is_empty() => "no nodes",
         "depth/ray_hits.vert" | "depth/ray_hits.frag" if !graphics => "the compute path finds the ray hits",
         "depth/ray_hits" if graphics => "the graphics path finds the ray hits",

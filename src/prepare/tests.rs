@@ -126,6 +126,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
             depth_limit: 0.02,
             depth: None,
             sides: crate::scene::Sides::Both,
+            samples: crate::scene::Samples::Auto,
         },
         bodies: vec![body],
         tool: None,

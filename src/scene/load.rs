@@ -14,8 +14,8 @@ use super::keys::{Node, Source, Table, Value};
 use super::preset::{self, PRESETS, Preset};
 use super::reference::{self, TableKeys};
 use super::{
-    Body, Contact, Coupling, DepthPath, Haptics, Operator, Preconditioner, Probe, Scene, SceneBuilder, Sides, Solver,
-    Step, Tool, ToolShape, body, check, haptics, names, trajectory,
+    Body, Contact, Coupling, DepthPath, Haptics, Operator, Preconditioner, Probe, Samples, Scene, SceneBuilder, Sides,
+    Solver, Step, Tool, ToolShape, body, check, haptics, names, trajectory,
 };
 use crate::{Error, Result, files};
 
@@ -199,6 +199,7 @@ fn no_contact(defaults: &Preset) -> Contact {
         depth_limit: DEPTH_LIMIT,
         depth: None,
         sides: defaults.sides,
+        samples: Samples::Auto,
     }
 }
 
@@ -242,6 +243,7 @@ fn contact(root: &Table, none: &Contact) -> Result<Contact> {
         depth_limit: table.or("depth_limit", none.depth_limit, Value::positive)?,
         depth: table.or("depth", none.depth, |value| value.one_of("path", &DepthPath::CHOICES))?,
         sides: table.or("sides", none.sides, |value| value.one_of("choice of sides", &Sides::CHOICES))?,
+        samples: table.or("samples", none.samples, |value| value.one_of("kind of samples", &Samples::CHOICES))?,
     })
 }
 

@@ -183,6 +183,8 @@ pub struct Contact {
     pub depth: Option<DepthPath>,
     /// The bodies whose skin vertices are tested for contact.
     pub sides: Sides,
+    /// What of a skin is tested for contact.
+    pub samples: Samples,
 }
 
 /// The bodies whose skin vertices are tested for contact, where two bodies may touch.
@@ -197,6 +199,25 @@ pub enum Sides {
 impl Sides {
     /// Names that a scene file may give, with their values.
     pub const CHOICES: [(&str, Sides); 2] = [("both", Sides::Both), ("one", Sides::One)];
+}
+
+/// What of a skin is tested for contact, where two bodies may touch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Samples {
+    /// The engine chooses one of the other two for each pair of bodies: triangles where one body is rigid, nearly convex
+    /// and has sharp edges or a skin coarser than the other body's.
+    Auto,
+    /// Vertices: each stands for the skin around it.
+    Vertices,
+    /// Triangles of the skin that a rigid, nearly convex body touches: depth is integrated over each of them. Pairs
+    /// without such a body are tested by vertices.
+    Triangles,
+}
+
+impl Samples {
+    /// Names that a scene file may give, with their values.
+    pub const CHOICES: [(&str, Samples); 3] =
+        [("auto", Samples::Auto), ("vertices", Samples::Vertices), ("triangles", Samples::Triangles)];
 }
 
 /// How the depth stage (narrow phase) finds the triangles that the rays of the other body's vertices meet; both ways

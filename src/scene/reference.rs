@@ -195,6 +195,14 @@ pub const CONTACT: TableKeys = TableKeys {
             "Whose skin vertices are tested for contact: those of both bodies, each side counting half, or those of \
              the body with the finer skin, counting in full.",
         ),
+        key(
+            "samples",
+            "`\"auto\"`, `\"vertices\"` or `\"triangles\"`",
+            "\"auto\"",
+            "What of a skin is tested for contact: its vertices, or its triangles, over each of which the depth is \
+             integrated. Triangles need a rigid, nearly convex body (one hull) in the pair, and are those of the other \
+             body; `auto` takes them where that rigid body has sharp edges or the coarser skin.",
+        ),
     ],
 };
 

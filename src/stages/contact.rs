@@ -11,6 +11,7 @@ use super::cull::Cull;
 use super::depth::Depth;
 use super::elastic::Elastic;
 use super::model::Model;
+use super::overlaps::Overlaps;
 use super::skin::Skin;
 use super::solve::Solve;
 use super::{Common, array, count, upload, zeros};
@@ -18,7 +19,6 @@ use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
 use crate::shaders;
 use crate::shaders::NONE;
-use crate::stages::CHUNK_VERTICES;
 
 /// Largest number of contacts per step; with more, the flag `CONTACT_OVERFLOW` is raised and only the deepest contacts
 /// are kept.
@@ -72,7 +72,7 @@ pub struct Contact {
     candidate_what: Buffer,
     candidate_normals: Buffer,
     chunk_contacts: Buffer,
-    /// Per candidate (a gathering vertex of an active chunk): the product depth x area x skin normal (m^3, oriented
+    /// Per candidate (a gathering vertex or triangle of an active chunk): the product depth x area x skin normal (m^3, oriented
     /// from body a of the pair to body b) as the bits of three f32, and the index of the pair of collision proxies
     /// (convex hulls over parts of the two skins) that touch there.
     pub candidate_pushes: Buffer,
@@ -92,14 +92,18 @@ impl Contact {
     /// is exactly that of a ray along its patch's normal.
     pub fn new(context: &Arc<Context>, model: &Model, skins: bool, blend: bool) -> Result<Contact> {
         let nodes = model.node_rest.len();
-        let candidates = CHUNK_VERTICES * model.most_gathering();
+        let slots = model.slots();
+        let candidates = slots * model.most_gathering();
         let capacity = CAPACITY.min(candidates);
         let candidate = [
             ("BLEND", blend.into()),
             ("CAPACITY", count(capacity)),
             ("GROUP", context.group_size().into()),
             ("SKINS", skins.into()),
+            ("OVERLAPS", model.needs_overlaps().into()),
+            ("SLOTS", count(slots)),
         ];
+        let deepest = [("CAPACITY", count(capacity)), ("SLOTS", count(slots))];
         let lists = context.reduce_size();
         let response = [
             ("FRICTION", (model.friction[0] > 0.0).into()),
@@ -109,7 +113,7 @@ impl Contact {
         ];
         Ok(Contact {
             candidates: Kernel::new(context, "contact/candidates", Size::Reduce, &candidate)?,
-            deepest: Kernel::new(context, "contact/deepest", Size::Group, &[("CAPACITY", count(capacity))])?,
+            deepest: Kernel::new(context, "contact/deepest", Size::Group, &deepest)?,
             response: Kernel::new(context, "contact/response", Size::Group, &response)?,
             has_nodes: nodes > 0,
             sort: Kernel::new(context, "contact/sort", Size::Reduce, &[])?,
@@ -128,7 +132,7 @@ impl Contact {
             candidate_what: zeros::<[u32; 4]>(context, "candidate_what", candidates)?,
             candidate_normals: zeros::<[f32; 4]>(context, "candidate_normals", candidates)?,
             candidate_pushes: zeros::<[u32; 4]>(context, "candidate_pushes", candidates)?,
-            chunk_contacts: array::<[u32; 2]>(context, "chunk_contacts", candidates / CHUNK_VERTICES)?,
+            chunk_contacts: array::<u32>(context, "chunk_contacts", candidates / 32)?,
             source: array::<u32>(context, "contact_source", capacity)?,
             node_list_counts: zeros::<u32>(context, "node_list_counts", nodes)?,
             node_lists: upload(context, "node_lists", &vec![NONE; nodes.max(1) * lists as usize])?,
@@ -144,15 +148,15 @@ impl Contact {
     }
 
     /// Records one fill, three passes (over the active chunks, the contacts and the nodes), and a fourth pass that has
-    /// a workgroup only where there are more contacts than room for them. Without a depth stage only contacts with
-    /// half-spaces are found.
+    /// a workgroup only where there are more contacts than room for them. Without a depth stage vertices have contacts
+    /// with half-spaces only.
     pub fn record(
         &self,
         recorder: &mut Recorder,
         common: &Common,
         cull: &Cull,
         skin: &Skin,
-        depth: Option<&Depth>,
+        (depth, overlaps): (Option<&Depth>, Option<&Overlaps>),
         motion: &Motion,
     ) {
         recorder.stage("contact");
@@ -189,6 +193,9 @@ impl Contact {
                 contact_source: Some(&self.source),
                 args: &common.args,
                 chunk_contacts: &self.chunk_contacts,
+                chunk_triangles: overlaps.map(|_| &skin.chunk_triangles),
+                overlaps: overlaps.map(|overlaps| &overlaps.overlaps),
+                overlap_at: overlaps.map(|overlaps| &overlaps.overlap_at),
             },
             &common.args,
             shaders::ARGS_GATHERING,

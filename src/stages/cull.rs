@@ -51,14 +51,16 @@ pub struct Cull {
     pub shares: Buffer,
     boxes: Buffer,
     proxy_patches: Buffer,
-    pair_proxy_counts: Buffer,
+    /// Per pair proxy: the numbers of active chunks and of work items before its own.
+    pub pair_proxy_counts: Buffer,
     active_pair_proxies: Buffer,
     /// The chunks of all collision proxies, one [`crate::shaders::Chunk`] each.
     pub chunks: Buffer,
     /// The nodes whose displacements move each chunk, chunk by chunk.
     pub chunk_nodes: Buffer,
     pair_proxy_chunks: Buffer,
-    slabs: Buffer,
+    /// Bounds of the chunks, [`PAIR_PATCHES`] per chunk of a pair proxy.
+    pub slabs: Buffer,
     /// The min-max depth grids of all contact patches: how far the chunks of either body reach along the patch's normal
     /// in each cell.
     pub depth_grids: Buffer,

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::cull::{Cull, MOST_CELLS};
 use super::model::Model;
 use super::skin::{self, Skin};
-use super::{Common, array, count, upload};
+use super::{Common, array, count};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, RasterPipeline, Recorder, Size};
 use crate::shaders;
@@ -33,8 +33,6 @@ const RASTER_CELLS: u32 = MOST_CELLS + 1;
 /// Pipeline and arrays of the depth stage.
 pub struct Depth {
     cross: RayHitKernel,
-    /// The triangles of the skins, chunk by chunk.
-    pub chunk_triangles: Buffer,
     /// One per ray hit: index of the triangle, index of the next hit on the same ray, bits of the depth (f32, m), and
     /// twice the index of the triangle's work item (an active chunk in a contact patch), plus 1 where the ray hits the
     /// triangle's front.
@@ -63,11 +61,7 @@ impl Depth {
                 RayHitKernel::Compute(Kernel::new(context, "depth/ray_hits", Size::Reduce, &constants[..2])?)
             }
         };
-        Ok(Depth {
-            cross,
-            chunk_triangles: upload(context, "chunk_triangles", &model.chunk_triangles)?,
-            hits: array::<[u32; 4]>(context, "hits", hits)?,
-        })
+        Ok(Depth { cross, hits: array::<[u32; 4]>(context, "hits", hits)? })
     }
 
     /// Records one pass, with a workgroup (compute) or an instance of the draw (graphics) per work item, which is an
@@ -79,7 +73,7 @@ impl Depth {
             work_items: &cull.work_items,
             active_chunks: &cull.active_chunks,
             chunks: &cull.chunks,
-            chunk_triangles: &self.chunk_triangles,
+            chunk_triangles: &skin.chunk_triangles,
             contact_patches: &cull.contact_patches,
             triangles: &skin.triangles,
             skin: &skin.skin,

@@ -8,7 +8,6 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::cull::Cull;
-use super::depth::Depth;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
@@ -44,8 +43,6 @@ pub struct Skins<'a> {
     pub cull: &'a Cull,
     /// Vertices of the skins.
     pub skin: &'a Skin,
-    /// Triangles of the chunks.
-    pub depth: &'a Depth,
 }
 
 /// A part of a skin, and the pair of bodies that it belongs to.
@@ -158,7 +155,7 @@ impl Gap {
     /// end of the step.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, skins: &Skins, elastic: &Elastic, solve: &Solve) {
         recorder.stage("wrench");
-        let Skins { pose, cull, skin, depth } = skins;
+        let Skins { pose, cull, skin } = skins;
         let arguments = shaders::wrench::Gap {
             params: &common.params,
             frames: &common.frames,
@@ -170,7 +167,7 @@ impl Gap {
             proxy_nodes: &pose.proxy_nodes,
             chunk_nodes: &cull.chunk_nodes,
             chunk_vertices: &skin.chunk_vertices,
-            chunk_triangles: Some(&depth.chunk_triangles),
+            chunk_triangles: Some(&skin.chunk_triangles),
             triangles: Some(&skin.triangles),
             skin_nodes: &skin.skin_nodes,
             skin_weights: &skin.skin_weights,

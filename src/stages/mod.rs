@@ -25,8 +25,10 @@ mod layers;
 pub mod material_law;
 pub mod mean_dilatation;
 pub mod model;
+pub mod overlaps;
 mod pairs;
 pub mod pose;
+mod samples;
 pub mod skin;
 pub mod solve;
 pub mod touch;
@@ -86,6 +88,9 @@ pub fn needs(scene: &Scene, model: &Model, depth: Option<String>) -> Vec<StageNe
         (Some(_), _) => "no body may touch the tool or another body",
     };
     let planes = "only half-spaces are touched: their depth needs no ray hits";
+    let overlaps = model.pairs.iter().filter(|pair| pair.by_triangles != 0).count();
+    let overlaps = (overlaps > 0).then(|| format!("{overlaps} pairs of bodies by the overlaps of triangles"));
+    let depth: Vec<String> = depth.into_iter().chain(overlaps).collect();
     let pairs: String = match model.pairs.len() {
         1 => "1 pair of bodies may touch".into(),
         count => format!("{count} pairs of bodies may touch"),
@@ -99,7 +104,7 @@ pub fn needs(scene: &Scene, model: &Model, depth: Option<String>) -> Vec<StageNe
     add("pose", touches || attached > 0, pose, nothing);
     add("skin", touches, pairs.clone(), nothing);
     add("cull", touches, pairs.clone(), nothing);
-    add("depth", depth.is_some(), depth.unwrap_or_default(), if touches { planes } else { nothing });
+    add("depth", !depth.is_empty(), depth.join("; "), if touches { planes } else { nothing });
     add("contact", touches, pairs, nothing);
     let soft = !model.tetrahedra.is_empty();
     let times = if model.newton > 1 { format!(", {} Newton iterations", model.newton) } else { String::new() };

@@ -22,7 +22,7 @@ use super::layers::OF_PATCH;
 use super::mean_dilatation::Patches;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
-use crate::scene::{Operator, Scene, Sides};
+use crate::scene::{Operator, Samples, Scene, Sides};
 use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, PairProxy, Proxy};
 use crate::stages::PAIR_PATCHES;
 
@@ -261,7 +261,7 @@ impl Model {
         let all = [a, b];
         let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
         // No force is computed from this pair, so its contact law has no effect.
-        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0], Sides::Both);
+        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0], (Sides::Both, Samples::Vertices));
         model.add_pair_proxies();
         model
     }

@@ -5,11 +5,12 @@
 
 use std::ops::Range;
 
-use super::contact_law;
 use super::model::{Model, Plane};
+use super::{contact_law, samples as choice};
 use crate::prepare::{Body, FrameMotion, Shape};
-use crate::scene::{Scene, Sides};
+use crate::scene::{Samples, Scene, Sides};
 use crate::shaders::{NONE, Pair, PairProxy};
+use crate::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES};
 
 impl Model {
     /// Adds every pair of bodies that may touch: each lists the other as one to collide with, or has no such list, and
@@ -35,7 +36,7 @@ impl Model {
                 }
                 let (a, b) = if is_plane(i) { (j, i) } else { (i, j) };
                 let law = contact_law::parameters(scene, [all[a], all[b]], all);
-                self.add_pair(all, (a, b), held, ranges, law, scene.contact.sides);
+                self.add_pair(all, (a, b), held, ranges, law, (scene.contact.sides, scene.contact.samples));
             }
         }
         self.add_pair_proxies();
@@ -97,7 +98,7 @@ impl Model {
         held: usize,
         ranges: &[Range<usize>],
         law: [f64; 2],
-        sides: Sides,
+        (sides, samples): (Sides, Samples),
     ) {
         let plane = match all[b].shape {
             Shape::Plane { normal, offset } => Some(Plane { normal, offset }),
@@ -108,8 +109,10 @@ impl Model {
         for p in a_proxies.clone() {
             self.proxy_pairs.extend(b_proxies.clone().map(|q| [p as u32, q as u32, 0, 0]));
         }
-        let lone_side = match sides {
-            Sides::One if plane.is_none() => 1 + u32::from(mean_area(all[b]) < mean_area(all[a])),
+        let by_triangles = choice::side_by_triangles(samples, [all[a], all[b]]);
+        let lone_side = match (by_triangles, sides) {
+            (Some(side), _) => 1 + side as u32,
+            (None, Sides::One) if plane.is_none() => 1 + u32::from(mean_area(all[b]) < mean_area(all[a])),
             _ => 0,
         };
         let kinematic_frame = |index: usize| match &all[index].shape {
@@ -129,6 +132,7 @@ impl Model {
             is_plane: u32::from(plane.is_some()),
             kinematic_frame: [kinematic_frame(a), kinematic_frame(b)],
             lone_side,
+            by_triangles: u32::from(by_triangles.is_some()),
             direction: [0.0; 4],
             plane: [0.0; 4],
         });
@@ -136,10 +140,25 @@ impl Model {
         self.pair_bodies.push([a, b]);
     }
 
-    /// Whether any pair needs the depth stage, which casts rays between two skins; a pair with a half-space does not
-    /// need it.
-    pub fn needs_depth(&self) -> bool {
+    /// Whether any two skins may meet; all other pairs are those of a skin and a half-space.
+    pub fn has_skin_pairs(&self) -> bool {
         self.pairs.iter().any(|pair| pair.is_plane == 0)
+    }
+
+    /// Whether any pair needs the depth stage, which casts rays from vertices of one skin to triangles of another.
+    pub fn needs_depth(&self) -> bool {
+        self.pairs.iter().any(|pair| pair.is_plane == 0 && pair.by_triangles == 0)
+    }
+
+    /// Whether the contacts of any pair are found by triangles.
+    pub fn needs_overlaps(&self) -> bool {
+        self.pairs.iter().any(|pair| pair.by_triangles != 0)
+    }
+
+    /// Number of places for candidates that an active chunk has: one for each vertex, or for each triangle where
+    /// triangles are tested for contact.
+    pub fn slots(&self) -> usize {
+        if self.needs_overlaps() { CHUNK_TRIANGLES } else { CHUNK_VERTICES }
     }
 }
 

@@ -36,6 +36,8 @@ pub struct Skin {
     embed: Kernel,
     /// Skin vertices of the chunks, chunk by chunk.
     pub chunk_vertices: Buffer,
+    /// Triangles of the chunks, chunk by chunk.
+    pub chunk_triangles: Buffer,
     /// Per skin vertex: the four nodes of its tetrahedron; the first is `NONE` on a rigid body.
     pub skin_nodes: Buffer,
     /// Per skin vertex: its four embedding weights, or on a rigid body its position in the body's rigid coordinate
@@ -68,6 +70,7 @@ impl Skin {
         Ok(Skin {
             embed: Kernel::new(context, "skin/embed", Size::Reduce, &constants)?,
             chunk_vertices: upload(context, "chunk_vertices", &model.chunk_vertices)?,
+            chunk_triangles: upload(context, "chunk_triangles", &model.chunk_triangles)?,
             skin_nodes: upload(context, "skin_nodes", &model.skin_nodes)?,
             skin_weights: upload(context, "skin_weights", &model.skin_weights)?,
             skin: zeros::<[f32; 4]>(context, "skin", model.skin_nodes.len())?,

@@ -8,6 +8,7 @@ use super::cull::Cull;
 use super::depth::{Depth, Path};
 use super::elastic::Elastic;
 use super::model::Model;
+use super::overlaps::Overlaps;
 use super::skin::Skin;
 use super::solve::Solve;
 use super::{Common, pose};
@@ -25,6 +26,9 @@ pub struct TouchStages {
     /// Depth stage: the narrow phase, which casts rays from skin vertices; `None` where only half-spaces can be
     /// touched.
     pub depth: Option<Depth>,
+    /// The overlaps of triangles, from which contacts are made where triangles are tested in place of vertices; `None`
+    /// where no pair is tested so.
+    pub overlaps: Option<Overlaps>,
     /// Contact stage: the skin vertices that lie inside another body.
     pub contact: Contact,
 }
@@ -50,6 +54,7 @@ impl TouchStages {
             skin: Skin::new(context, model)?,
             cull: Cull::new(context, model, blend)?,
             depth: path.map(|path| Depth::new(context, model, path)).transpose()?,
+            overlaps: model.needs_overlaps().then(|| Overlaps::new(context, model)).transpose()?,
             contact: Contact::new(context, model, path.is_some(), blend)?,
         })
     }
@@ -81,11 +86,14 @@ impl TouchStages {
         elastic: &Elastic,
         solve: Option<&Solve>,
     ) {
-        let TouchStages { pose, skin, cull, depth, contact } = self;
+        let TouchStages { pose, skin, cull, depth, overlaps, contact } = self;
         skin.record(recorder, common, pose, cull, elastic);
         if let Some(depth) = depth {
             depth.record(recorder, common, cull, skin);
         }
-        contact.record(recorder, common, cull, skin, depth.as_ref(), &Motion { elastic, solve });
+        if let Some(overlaps) = overlaps {
+            overlaps.record(recorder, common, pose, cull, skin);
+        }
+        contact.record(recorder, common, cull, skin, (depth.as_ref(), overlaps.as_ref()), &Motion { elastic, solve });
     }
 }

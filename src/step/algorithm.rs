@@ -140,11 +140,11 @@ fn end(stages: &Stages, blank: Blank) -> Result<Recording> {
 
 fn gap(stages: &Stages, blank: Blank) -> Result<Option<Recording>> {
     let Stages { common, elastic, solve, touch, gap, .. } = stages;
-    let (Some(gap), Some(TouchStages { pose, skin, cull, depth: Some(depth), .. })) = (gap, touch) else {
+    let (Some(gap), Some(TouchStages { pose, skin, cull, .. })) = (gap, touch) else {
         return Ok(None);
     };
     let mut part = blank()?;
-    gap.record(&mut part, common, &Skins { pose, cull, skin, depth }, elastic, solve);
+    gap.record(&mut part, common, &Skins { pose, cull, skin }, elastic, solve);
     part.finish().map(Some)
 }
 

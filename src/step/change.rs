@@ -85,8 +85,8 @@ impl Simulation {
     pub fn set_contact(&mut self, law: &scene::Contact) -> Result<()> {
         law.check().map_err(|problem| refused("contact", problem))?;
         let mut scene = self.scene.clone();
-        let scene::Contact { texel, depth, sides, .. } = scene.contact;
-        scene.contact = scene::Contact { texel, depth, sides, ..law.clone() };
+        let scene::Contact { texel, depth, sides, samples, .. } = scene.contact;
+        scene.contact = scene::Contact { texel, depth, sides, samples, ..law.clone() };
         self.take_up(scene, self.bodies.clone())
     }
 

@@ -34,6 +34,29 @@ pub fn sphere(radius: f64, halvings: u32) -> Mesh {
     (points.into_iter().map(|p| p * radius).collect(), triangles)
 }
 
+/// A body of revolution about the y axis: `profile` gives radius and height (m) of each ring of vertices, from the lowest
+/// up; the lowest and the highest ring are closed by flat ends.
+pub fn lathe(profile: &[(f64, f64)], sides: u32) -> Mesh {
+    let at = |(radius, y): (f64, f64), k: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(sides)).sin_cos();
+        DVec3::new(radius * cos, y, radius * sin)
+    };
+    let mut points: Vec<DVec3> = profile.iter().flat_map(|ring| (0..sides).map(|k| at(*ring, k))).collect();
+    let (rings, ends) = (profile.len() as u32, points.len() as u32);
+    points.extend([profile[0], profile[profile.len() - 1]].map(|(_, y)| DVec3::new(0.0, y, 0.0)));
+    let mut triangles = Vec::new();
+    for k in 0..sides {
+        let next = (k + 1) % sides;
+        for ring in 0..rings - 1 {
+            let [a, b, c, d] = [k, next, k + sides, next + sides].map(|v| v + ring * sides);
+            triangles.extend([[a, c, b], [b, c, d]]);
+        }
+        let top = (rings - 1) * sides;
+        triangles.extend([[ends, k, next], [ends + 1, top + next, top + k]]);
+    }
+    (points, triangles)
+}
+
 /// A square sheet in the plane y = 0 that faces up and reaches from -`half` to `half` (m) along x and z. It is divided
 /// into `cells` x `cells` squares of two triangles each.
 pub fn sheet(half: f64, cells: u32) -> Mesh {

@@ -1,15 +1,18 @@
-//! Continuity of the contact force: a sphere (the tool) is swept over the skins (surface meshes) of a head and a gear
+//! Continuity of the contact force: a tool, a sphere, a cone or a blade, is swept over the skins (surface meshes) of a head
+//! and a gear
 //! in a thousand steps of 10 um, across borders between collision proxies (convex hulls that cover a skin), and the
 //! force must not jump. The bodies are rigid, and the virtual coupling (spring and damper that pull the tool along its
 //! path) is stiff, so that the force shows only the contact law and no dynamics.
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
-use palpate::internal::prepare::Shape;
+use glam::{DQuat, DVec3};
+use palpate::internal::prepare::{Shape, layer};
 use palpate::internal::shaders::Contact;
 use palpate::{Options, Simulation};
+use palpate_oracle::rays::Rays;
 
+use crate::harness::bodies::{Mesh, lathe};
 use crate::scene::whole_step::scene;
 
 /// Number of steps of a sweep, and the distance that the tool moves in each step, m.
@@ -19,6 +22,14 @@ const STIFFNESS: f64 = 1e7;
 /// Number of steps at the start of a sweep that are not judged. The tool starts at full depth; only after these steps
 /// does it follow the path to which the coupling pulls it, and has the contact normal been found from the skins.
 const SETTLE: usize = 100;
+
+/// What is swept over a skin.
+enum Tool {
+    /// A sphere of this radius, m.
+    Sphere(f64),
+    /// A mesh whose lowest point along y touches the skin first, and the height of its centre of mass over that point, m.
+    Mesh(Mesh, f64),
+}
 
 /// A straight sweep over the skin of a model.
 struct Sweep {
@@ -30,8 +41,8 @@ struct Sweep {
     at: DVec3,
     outward: DVec3,
     along: DVec3,
-    /// Radius of the tool, m; `depth` is the tool's depth in the skin at the middle of the sweep, m.
-    sphere: f64,
+    tool: Tool,
+    /// The tool's depth in the skin at the middle of the sweep, m.
     depth: f64,
     /// Limits of `jump`, `kink` and `sudden` of [`Felt`]. The aim is 3 for each; where the engine does not reach the
     /// aim yet, the limit lies just above the value that the engine does reach. A discontinuity of the force makes all
@@ -56,14 +67,26 @@ struct Felt {
 }
 
 fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
-    let Sweep { model, vertices, sphere, .. } = sweep;
+    let Sweep { model, vertices, outward, .. } = sweep;
+    let folder = tempfile::tempdir().unwrap();
+    let tool = match &sweep.tool {
+        Tool::Sphere(radius) => format!("sphere = {radius:?}"),
+        Tool::Mesh((points, triangles), _) => {
+            let file = folder.path().join("tool.obj");
+            let points = points.iter().map(|x| format!("v {:?} {:?} {:?}\n", x.x, x.y, x.z));
+            let faces = triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+            std::fs::write(&file, points.chain(faces).collect::<String>()).unwrap();
+            let turn = DQuat::from_rotation_arc(DVec3::Y, outward.normalize());
+            format!("surface = {file:?}\norientation = [{:?}, {:?}, {:?}, {:?}]", turn.x, turn.y, turn.z, turn.w)
+        }
+    };
     let time = SWEEP.0 as f64 * 1e-3;
     let velocity = (to - from) / time;
     let row = |x: DVec3| format!("{:?}, {:?}, {:?}", x.x, x.y, x.z);
     let text = format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = {STIFFNESS:?}\ndamping = 0.0\n\
          [[body]]\nname = \"{model}\"\nsurface = {{ model = \"{model}\", vertices = {vertices} }}\n\
-         [tool]\nsphere = {sphere:?}\nmass = 0.05\nposition = [{}]\nvelocity = [{}]\n\
+         [tool]\n{tool}\nmass = 0.05\nposition = [{}]\nvelocity = [{}]\n\
          [coupling]\nstiffness = 1e7\ndamping = 1e4\nangular_stiffness = 1e4\nangular_damping = 10.0\n\
          [drive]\nkeys = [[0.0, {}], [{time:?}, {}]]\n",
         row(from),
@@ -76,15 +99,23 @@ fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
     Simulation::open(&scene(&text), &options).unwrap()
 }
 
-/// The point on the line through `at` along `outward` at which the sphere's centre must lie so that the nearest skin
-/// vertex is `depth` deep inside the sphere.
-fn middle(sweep: &Sweep, skin: &[DVec3]) -> DVec3 {
+/// The point on the line through `at` along `outward` at which the tool's centre must lie so that the nearest skin vertex
+/// is `depth` deep inside a sphere, or the lowest point of another tool as deep under the skin.
+fn middle(sweep: &Sweep, skin: &[DVec3], triangles: &[[u32; 3]]) -> DVec3 {
     let n = sweep.outward.normalize();
+    let sphere = match &sweep.tool {
+        Tool::Sphere(radius) => radius,
+        Tool::Mesh(_, height) => {
+            let above = sweep.at + 0.1 * n;
+            let skin = above - Rays::new(n, skin, triangles).first(above).unwrap().depth * n;
+            return skin + (height - sweep.depth) * n;
+        }
+    };
     let distance = |x: DVec3| skin.iter().map(|v| v.distance(x)).fold(f64::INFINITY, f64::min);
     let (mut low, mut high) = (0.0, 0.1);
     for _ in 0..50 {
         let s = 0.5 * (low + high);
-        let clear = distance(sweep.at + s * n) > sweep.sphere - sweep.depth;
+        let clear = distance(sweep.at + s * n) > sphere - sweep.depth;
         (low, high) = if clear { (low, s) } else { (s, high) };
     }
     sweep.at + high * n
@@ -93,8 +124,9 @@ fn middle(sweep: &Sweep, skin: &[DVec3]) -> DVec3 {
 fn run(sweep: &Sweep) -> Felt {
     let probe = open(sweep, DVec3::splat(1.0), DVec3::splat(1.0));
     let Shape::Rigid { skin, .. } = &probe.bodies()[0].shape else { panic!("the body is not rigid") };
+    let is_mesh = matches!(sweep.tool, Tool::Mesh(..));
     let half = 0.5 * SWEEP.0 as f64 * SWEEP.1 * sweep.along.normalize();
-    let middle = middle(sweep, &skin.vertices);
+    let middle = middle(sweep, &skin.vertices, &skin.triangles);
     let mut simulation = open(sweep, middle - half, middle + half);
     let (mut force, mut normals, mut contacts, mut flags) = (vec![], vec![], vec![], 0);
     for _ in 0..SWEEP.0 {
@@ -103,7 +135,9 @@ fn run(sweep: &Sweep) -> Felt {
         force.push(row.tool.unwrap().force);
         let (contact_patches, found) = simulation.touch().unwrap();
         normals.push(DVec3::from(contact_patches[0].normal.map(f64::from)));
-        let of = |c: &Contact| ((c.side, c.vertex), STIFFNESS * f64::from(c.area) * f64::from(c.depth));
+        // A contact of a triangle counts as one of a vertex of the tool, which others may share.
+        let own = |c: &Contact| if is_mesh { c.triangle } else { c.vertex };
+        let of = |c: &Contact| ((c.side, own(c)), STIFFNESS * f64::from(c.area) * f64::from(c.depth));
         contacts.push(found.iter().map(of).collect::<BTreeMap<_, _>>());
     }
     let changes: Vec<f64> = force[SETTLE..].windows(2).map(|w| (w[1] - w[0]).length()).collect();
@@ -183,7 +217,7 @@ fn a_sphere_slides_over_a_head_without_a_jump() {
         at,
         outward,
         along,
-        sphere,
+        tool: Tool::Sphere(sphere),
         depth,
         limits,
     };
@@ -208,7 +242,7 @@ fn a_sphere_slides_over_a_gear_without_a_jump() {
         at,
         outward,
         along,
-        sphere,
+        tool: Tool::Sphere(sphere),
         depth,
         limits,
     };
@@ -225,5 +259,61 @@ fn a_sphere_slides_over_a_gear_without_a_jump() {
         ),
         sweep("tip, along", DVec3::new(0.04, 0.0, 0.0), DVec3::X, DVec3::Z, 0.01, 0.0003, [3.6, 4.3, 3.0]),
         sweep("flank, along", DVec3::new(0.047, 0.0, 0.0), DVec3::Y, DVec3::Z, 0.003, 0.0003, [3.0, 3.5, 3.5]),
+    ]);
+}
+
+/// A tool of a closed mesh, moved so that its centre of mass is at the origin.
+fn mesh((mut points, triangles): Mesh) -> Tool {
+    let parts = triangles.iter().map(|t| t.map(|v| points[v as usize]));
+    let parts = parts.map(|[a, b, c]| (a.dot(b.cross(c)), (a + b + c) / 4.0));
+    let (volume, moment) = parts.fold((0.0, DVec3::ZERO), |(volume, moment), (v, x)| (volume + v, moment + v * x));
+    assert!(volume > 0.0, "the mesh is inside out");
+    points.iter_mut().for_each(|x| *x -= moment / volume);
+    let low = points.iter().map(|x| x.y).fold(f64::INFINITY, f64::min);
+    Tool::Mesh((points, triangles), -low)
+}
+
+#[test]
+#[ignore = "long: 40 s"]
+fn a_tip_and_a_blade_slide_over_a_head_and_a_gear_without_a_jump() {
+    // A cone of 15 degrees with a tip of 1 mm radius, and a blade of 0.5 mm.
+    let tip = || {
+        let round = |degrees: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            (1e-3 * sin, 1e-3 * (1.0 - cos))
+        };
+        let profile = [round(5.0), round(25.0), round(50.0), round(75.0), (0.0085, 0.03)];
+        mesh(lathe(&profile, 24))
+    };
+    let blade = || {
+        let (low, high) = (DVec3::new(-2.5e-4, 0.0, -0.008), DVec3::new(2.5e-4, 0.02, 0.008));
+        let (points, triangles, _) = layer::boundary(&layer::kuhn_box(low, high, [1, 1, 1]));
+        mesh((points, triangles))
+    };
+    let sweep = |name, model, vertices, at, outward, along, tool, depth| Sweep {
+        name,
+        model,
+        vertices,
+        at,
+        outward,
+        along,
+        tool,
+        depth,
+        limits: [5.0; 3],
+    };
+    let head = |name, along, tool, depth| {
+        sweep(name, "head", 44_000, DVec3::new(0.0, 0.085, 0.06), DVec3::new(0.0, 0.5, 0.87), along, tool, depth)
+    };
+    let gear = |name, along, tool, depth| {
+        sweep(name, "gear", 29_000, DVec3::new(0.0366, 0.0, 0.0), DVec3::Z, along, tool, depth)
+    };
+    let down = DVec3::new(0.0, -0.87, 0.5);
+    judge(&[
+        head("tip, across the forehead", DVec3::X, tip(), 0.0005),
+        head("tip, down the forehead", down, tip(), 0.0005),
+        head("blade, across the forehead", DVec3::X, blade(), 0.0005),
+        head("blade, down the forehead", down, blade(), 0.0005),
+        gear("tip, around the rim", DVec3::Y, tip(), 0.0003),
+        gear("blade, around the rim", DVec3::Y, blade(), 0.0003),
     ]);
 }

@@ -70,6 +70,7 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
             friction_speed: 1e-3,
             texel: None,
             sides: scene::Sides::Both,
+            samples: scene::Samples::Vertices,
             depth_limit: 0.02,
             depth: None,
         },

@@ -69,12 +69,12 @@ fn crowd_of(path: Path, sides: Sides, levels: [u32; 3]) -> (Vec<Body>, Body, Flo
     (bodies, tool, flow)
 }
 
-fn vector(x: &[f32]) -> DVec3 {
+pub(super) fn vector(x: &[f32]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
 /// Positions of a body's skin in world axes, relative to `origin`, m.
-fn positions(flow: &Flow, body: &Body, index: usize, origin: DVec3) -> Vec<DVec3> {
+pub(super) fn positions(flow: &Flow, body: &Body, index: usize, origin: DVec3) -> Vec<DVec3> {
     let place = |x: DVec3| body.position - origin + body.orientation * x;
     match &body.shape {
         Shape::Soft { layer, embedding, .. } => {

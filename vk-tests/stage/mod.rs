@@ -15,6 +15,7 @@ pub mod gap;
 pub mod mean_dilatation;
 pub mod meet;
 pub mod overflows;
+pub mod overlaps;
 pub mod overlays;
 pub mod panel;
 pub mod paths;

@@ -25,6 +25,7 @@ const LAST: Counts = Counts {
     gathering: 12,
     pair_proxies_met: 10,
     hits: 3,
+    overlaps: 0,
     chunks_asked: 11,
     contacts: 4,
     entries: 5,

@@ -45,6 +45,7 @@ pub mod linear;
 pub mod material_law;
 pub mod neo_hookean;
 mod newton;
+pub mod overlap;
 pub mod proximity;
 pub mod rays;
 pub mod skin;

@@ -5,8 +5,8 @@
 use bytemuck::Zeroable;
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{Contact, NONE, RigidIterate, Solve};
-use palpate::internal::stages::CHUNK_VERTICES;
+use palpate::internal::shaders::{Contact, NONE, Overlap, RigidIterate, Solve};
+use palpate::internal::stages::CHUNK_TRIANGLES;
 
 use super::{Flow, fours, some};
 use crate::harness::{case, context};
@@ -14,11 +14,14 @@ use crate::harness::{case, context};
 impl Flow {
     pub fn candidates(&mut self) {
         self.counts.chunks_asked = 0;
-        let (count, model) = (CHUNK_VERTICES * self.groups(shaders::ARGS_GATHERING), &self.model);
+        let (slots, model) = (self.model.slots(), &self.model);
+        let count = slots * self.groups(shaders::ARGS_GATHERING);
         let out = case("contact/candidates")
             .size(Size::Reduce)
             .constant("CAPACITY", self.capacity as u32)
             .constant("GROUP", context().group_size())
+            .constant("OVERLAPS", model.needs_overlaps())
+            .constant("SLOTS", slots as u32)
             .input("params", &[self.params])
             .inout("counts", &[self.counts])
             .input("active_chunks", &some(&self.active_chunks))
@@ -41,7 +44,10 @@ impl Flow {
             .input("work_items", &some(&self.work_items))
             .partial("contact_source", &vec![NONE; self.capacity])
             .partial("args", &self.args)
-            .inout("chunk_contacts", &vec![[9u32; 2]; (count / CHUNK_VERTICES).max(1)])
+            .inout("chunk_contacts", &vec![9u32; (count / 32).max(1)])
+            .input("chunk_triangles", &fours(&model.chunk_triangles))
+            .input("overlaps", &some(&self.overlaps))
+            .input("overlap_at", &some(&self.overlap_at))
             .groups(self.groups(shaders::ARGS_GATHERING))
             .run();
         self.source = out.get("contact_source");
@@ -49,11 +55,9 @@ impl Flow {
         self.counts = out.get("counts")[0];
         self.hits = out.get("candidate_hits");
         // Candidates that do not collide keep values of earlier steps and are set to zero here.
-        let colliding: Vec<[u32; 2]> = out.get("chunk_contacts");
-        self.chunk_contacts = colliding.as_flattened().to_vec();
+        self.chunk_contacts = out.get("chunk_contacts");
         for (i, hit) in self.hits.iter_mut().enumerate() {
-            let l = i % CHUNK_VERTICES;
-            if colliding[i / CHUNK_VERTICES][l / 32] >> (l % 32) & 1 == 0 {
+            if self.chunk_contacts[i / 32] >> (i % 32) & 1 == 0 {
                 *hit = [0.0; 4];
             }
         }
@@ -62,11 +66,41 @@ impl Flow {
         self.pushes = out.get("candidate_pushes");
     }
 
+    /// Runs depth/overlaps, which integrates the depth over triangles.
+    pub fn overlap(&mut self) {
+        let (groups, model) = (self.groups(shaders::ARGS_WORK_ITEMS), &self.model);
+        let out = case("depth/overlaps")
+            .size(Size::Reduce)
+            .constant("PAIR_PROXIES", model.pair_proxies.len() as u32)
+            .constant("MOST_OVERLAPS", self.most_overlaps as u32)
+            .inout("counts", &[self.counts])
+            .input("work_items", &some(&self.work_items))
+            .input("active_chunks", &some(&self.active_chunks))
+            .input("chunks", &some(&model.chunks))
+            .input("chunk_triangles", &fours(&model.chunk_triangles))
+            .input("pairs", &self.pairs)
+            .input("pair_proxies", &some(&model.pair_proxies))
+            .input("pair_proxy_counts", &some(&self.pair_proxy_counts))
+            .input("proxies", &some(&model.proxies))
+            .input("slabs", &some(&self.slabs))
+            .input("contact_patches", &self.contact_patches)
+            .input("triangles", &some(&model.triangles))
+            .input("skin", &some(&self.skin))
+            .partial("overlaps", &vec![Overlap::default(); self.most_overlaps])
+            .partial("overlap_at", &vec![NONE; (CHUNK_TRIANGLES * groups).max(1)])
+            .groups(groups)
+            .run();
+        self.overlaps = out.get("overlaps");
+        self.overlap_at = out.get("overlap_at");
+        self.counts = out.get("counts")[0];
+    }
+
     /// Runs contact/deepest, which makes the list of the deepest candidates where not all fit.
     pub fn deepest(&mut self) {
         let out = case("contact/deepest")
             .size(Size::Group)
             .constant("CAPACITY", self.capacity as u32)
+            .constant("SLOTS", self.model.slots() as u32)
             .input("candidate_hits", &some(&self.hits))
             .input("counts", &[self.counts])
             .partial("contact_source", &self.source)

@@ -15,14 +15,14 @@ use palpate::Scene;
 use palpate::internal::prepare::Body;
 use palpate::internal::shaders;
 use palpate::internal::shaders::{
-    ActiveChunk, Contact, ContactPatch, Counts, Frame, Link, NONE, Pair, ProxyBounds, StepParams,
+    ActiveChunk, Contact, ContactPatch, Counts, Frame, Link, NONE, Overlap, Pair, ProxyBounds, StepParams,
 };
 use palpate::internal::stages::ARGS_WORDS;
+use palpate::internal::stages::PAIR_PATCHES;
 use palpate::internal::stages::depth::Path;
 use palpate::internal::stages::model::{Model, texel};
 use palpate::internal::stages::skin::LEAST_BUCKETS;
-use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
-use palpate::scene::{self, Sides};
+use palpate::scene::{self, Samples, Sides};
 
 use crate::harness::context;
 
@@ -90,6 +90,10 @@ pub struct Flow {
     /// Ray hits: triangle, next hit on the same ray, bits of the depth, and twice the triangle's work item, plus 1
     /// for a front face (through which the ray leaves the triangle's body).
     pub ray_hits: Vec<[u32; 4]>,
+    pub most_overlaps: usize,
+    pub overlaps: Vec<Overlap>,
+    /// The overlap, or NONE, of each triangle of each work item.
+    pub overlap_at: Vec<u32>,
     pub hits: Vec<[f32; 4]>,
     pub what: Vec<[u32; 4]>,
     pub normals: Vec<[f32; 4]>,
@@ -123,7 +127,7 @@ pub fn fours(data: &[u32]) -> Vec<u32> {
 }
 
 /// A scene of which only the contact law and the time step are used.
-fn scene(sides: Sides) -> Scene {
+fn scene(sides: Sides, samples: Samples) -> Scene {
     Scene {
         file: "none".into(),
         step: scene::Step { dt: 1e-3, gravity: DVec3::ZERO, newton: 1 },
@@ -142,6 +146,7 @@ fn scene(sides: Sides) -> Scene {
             depth_limit: 0.02,
             depth: None,
             sides,
+            samples,
         },
         bodies: vec![],
         tool: None,
@@ -161,7 +166,12 @@ impl Flow {
 
     /// A flow like that of [`Flow::new`], where `sides` chooses whose vertices are tested for contact.
     pub fn of_sides(bodies: &[Body], tool: Option<&Body>, origin: DVec3, sides: Sides) -> Flow {
-        let model = Model::new(&scene(sides), bodies, tool);
+        Flow::of(bodies, tool, origin, sides, Samples::Vertices)
+    }
+
+    /// A flow like that of [`Flow::of_sides`], where `samples` chooses what of a skin is tested for contact.
+    pub fn of(bodies: &[Body], tool: Option<&Body>, origin: DVec3, sides: Sides, samples: Samples) -> Flow {
+        let model = Model::new(&scene(sides, samples), bodies, tool);
         let frame = |(centre, rotation): (DVec3, DQuat)| Frame {
             rotation: rotation.as_quat().to_array(),
             centre: (centre - origin).as_vec3().to_array(),
@@ -188,7 +198,7 @@ impl Flow {
             max_work_items: model.max_work_items(),
             most_hits: 1 << 16,
             bucket_count: LEAST_BUCKETS,
-            capacity: CHUNK_VERTICES * model.most_gathering(),
+            capacity: model.slots() * model.most_gathering(),
             hull: vec![],
             faces: vec![],
             bounds: vec![],
@@ -214,6 +224,9 @@ impl Flow {
             entry_hits: vec![],
             entry_cells: vec![],
             ray_hits: vec![],
+            most_overlaps: 1 << 14,
+            overlaps: vec![],
+            overlap_at: vec![],
             hits: vec![],
             what: vec![],
             normals: vec![],
@@ -247,6 +260,9 @@ impl Flow {
         match path {
             Path::Compute => self.cross(),
             Path::Graphics => unreachable!("Path::Graphics is not among PATHS"),
+        }
+        if self.model.needs_overlaps() {
+            self.overlap();
         }
         self.candidates();
     }

@@ -4,6 +4,8 @@
 //! a cell is one of its values, with the cases that are run for this value. The tool is a sphere, the rigid body that
 //! the haptic device leads.
 
+use std::path::PathBuf;
+
 use glam::DVec3;
 use palpate::Result;
 use palpate::scene::preset::{PRESETS, Preset};
@@ -15,7 +17,7 @@ use super::cases::{
 use super::invariants::Promise;
 use super::labels::{power, si, stretched};
 use super::meshes;
-use super::setup::{Attachment, Setup};
+use super::setup::{Attachment, RADIUS, Setup};
 use crate::meshes::MeshFolder;
 
 /// Length of the bar that hangs, m.
@@ -52,7 +54,7 @@ pub struct Axis {
 }
 
 /// Names of all axes, in the order of the matrix.
-pub const NAMES: [&str; 26] = [
+pub const NAMES: [&str; 27] = [
     "young",
     "poisson",
     "poisson-neo-hookean",
@@ -79,6 +81,7 @@ pub const NAMES: [&str; 26] = [
     "light",
     "bound",
     "body",
+    "tool",
 ];
 
 /// Which part of the matrix is run.
@@ -474,6 +477,23 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
                 cells.extend([cell("scanned head", of_head), cell("limb with a bone", of_limb)]);
             }
             Axis { name: "body", title: "Other bodies", is_listed: true, cells }
+        }
+        "tool" => {
+            let radius = RADIUS * Setup::default().edge;
+            let (needle, blade) = (meshes::needle(extent.folder, radius)?, meshes::blade(extent.folder, radius)?);
+            let sheet = meshes::sheet(extent.folder, Setup::default().edge)?;
+            let pressed = |tool: Option<PathBuf>, mesh: Option<PathBuf>| {
+                let setup = with(|s| (s.tool, s.mesh) = (tool.clone(), mesh.clone())).damped();
+                let edge = setup.edge;
+                press(setup, sphere(edge))
+            };
+            let cell = |label: &str, case| Cell { label: label.into(), is_core: true, cases: vec![case] };
+            let cells = vec![
+                cell("needle", pressed(Some(needle), None)),
+                cell("edge of a blade", pressed(Some(blade), None)),
+                cell("sphere on a sheet", pressed(None, Some(sheet))),
+            ];
+            Axis { name: "tool", title: "Needle, edge, sheet", is_listed: true, cells }
         }
         _ => return Ok(None),
     }))

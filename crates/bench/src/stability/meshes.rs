@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::layer::{boundary, kuhn_box};
 use palpate::internal::prepare::model;
 use palpate::internal::prepare::stuffing::{self, Options};
 use palpate::scene::Model;
@@ -63,6 +63,38 @@ pub fn bar(folder: &MeshFolder, edge: f64) -> Result<PathBuf> {
     };
     let tetrahedra: Vec<[u32; 4]> = layer.tetrahedra.iter().map(mirrored).collect();
     folder.layer("bar", &layer.nodes, &tetrahedra)
+}
+
+/// Writes a sheet of the height of a tenth of a cube of edge `edge` (m), at the top of that cube. Returns the path of the
+/// file.
+pub fn sheet(folder: &MeshFolder, edge: f64) -> Result<PathBuf> {
+    let layer = kuhn_box(DVec3::new(0.0, 0.9 * edge, 0.0), DVec3::splat(edge), [8, 1, 8]);
+    folder.layer("sheet", &layer.nodes, &layer.tetrahedra)
+}
+
+/// Writes a needle: a cone whose centre of mass is at the origin, with its tip `height` (m) below. Returns the path of
+/// the file.
+pub fn needle(folder: &MeshFolder, height: f64) -> Result<PathBuf> {
+    // The centre of mass of a cone is three quarters of its height from its tip.
+    let (sides, top, radius) = (12, height / 3.0, 0.2 * height);
+    let rim = (0..sides).map(|k| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(sides)).sin_cos();
+        DVec3::new(radius * cos, top, radius * sin)
+    });
+    let vertices = [DVec3::new(0.0, -height, 0.0), DVec3::new(0.0, top, 0.0)].into_iter().chain(rim).collect();
+    let triangles = (0..sides).flat_map(|k| {
+        let (own, next) = (2 + k, 2 + (k + 1) % sides);
+        [[0, own, next], [1, next, own]]
+    });
+    folder.surface("needle", &(vertices, triangles.collect()))
+}
+
+/// Writes a blade that is pressed by its edge: a thin box about the origin, whose lower edge lies `height` (m) below.
+/// Returns the path of the file.
+pub fn blade(folder: &MeshFolder, height: f64) -> Result<PathBuf> {
+    let half = DVec3::new(0.05 * height, height, height);
+    let (vertices, triangles, _) = boundary(&kuhn_box(-half, half, [1, 1, 1]));
+    folder.surface("blade", &(vertices, triangles))
 }
 
 /// Writes the model of a head, filled with tetrahedra as the engine fills a scan. Its largest extent is `edge` (m), and

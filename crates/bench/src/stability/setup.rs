@@ -9,7 +9,8 @@ use glam::{DQuat, DVec3};
 use palpate::Scene;
 use palpate::scene::preset::Preset;
 use palpate::scene::{
-    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Region, Shape, Tool, ToolShape,
+    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Region, Shape, Surface, Tool,
+    ToolShape,
 };
 
 /// A node lies on a face of the block if its distance from the face is at most this share of the block's edge.
@@ -88,6 +89,8 @@ pub struct Setup {
     pub regions: Vec<Region>,
     /// Whether an equal block, not attached, lies on the block; the sphere then touches that one.
     pub is_stacked: bool,
+    /// Mesh file of a tool that takes the place of the sphere; its lowest point is as far below its centre as the sphere's.
+    pub tool: Option<PathBuf>,
 }
 
 impl Default for Setup {
@@ -116,6 +119,7 @@ impl Default for Setup {
             newton: 1,
             regions: Vec::new(),
             is_stacked: false,
+            tool: None,
         }
     }
 }
@@ -175,9 +179,13 @@ impl Setup {
 
     fn add_sphere(&self, scene: &mut Scene, sphere: &Sphere) {
         let at = |height: f64| self.touching() + height * DVec3::Y;
+        let shape = match &self.tool {
+            None => ToolShape::Sphere(RADIUS * self.edge),
+            Some(file) => ToolShape::Surface(Surface::File(file.clone())),
+        };
         let start = sphere.path.first().map_or(GAP * self.edge, |(_, height)| *height);
         scene.tool = Some(Tool {
-            shape: ToolShape::Sphere(RADIUS * self.edge),
+            shape,
             mass: sphere.mass,
             position: at(start),
             orientation: DQuat::IDENTITY,

@@ -9,6 +9,7 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::shaders::Contact;
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::rotation_vector;
+use palpate::scene::ToolShape;
 use palpate::{Flags, Result, RigidState, Scene, Simulation, ToolReport};
 use palpate_oracle::step::SoftBody;
 
@@ -102,6 +103,9 @@ pub struct Observer {
     tool_start: DVec3,
     supplied: f64,
     edge: f64,
+    /// Whether the tool is a mesh: contacts are then those of triangles, several of which may count as contacts of one
+    /// vertex of the tool.
+    has_mesh_tool: bool,
 }
 
 impl Observer {
@@ -133,6 +137,7 @@ impl Observer {
             start: None,
             supplied: 0.0,
             edge,
+            has_mesh_tool: scene.tool.as_ref().is_some_and(|tool| matches!(tool.shape, ToolShape::Surface(_))),
         };
         observer.read(simulation)?;
         observer.start = Some(observer.centre());
@@ -258,7 +263,7 @@ impl Observer {
         let stiffest = touch.iter().map(|c| c.stiffness).fold(0.0, f32::max);
         let mut now = HashSet::new();
         for contact in touch {
-            let key = (contact.side, contact.vertex);
+            let key = (contact.side, if self.has_mesh_tool { contact.triangle } else { contact.vertex });
             let energy = 0.5 * f64::from(stiffest * contact.area) * f64::from(contact.depth).powi(2);
             let most = self.pressed.entry(key).or_default();
             if !self.touching.contains(&key) {

@@ -1,0 +1,222 @@
+//! Tests of kernel depth/overlaps, which integrates the penetration depth over the triangles of a skin (surface mesh)
+//! that a rigid body touches, and of the contacts that are made of these integrals. Rims, corners, edges and coarse
+//! skins are pressed into a soft body in poses at random; every triangle is compared with f64, and so are net force and
+//! torque of all contacts together. A contact patch is a place where two bodies may touch along one normal, a work item
+//! a chunk (group of up to 128 triangles) in a patch.
+
+use glam::{DQuat, DVec3};
+use palpate::internal::prepare::{Body, Shape, layer};
+use palpate::internal::shaders;
+use palpate::internal::shaders::NONE;
+use palpate::internal::stages::depth::Path;
+use palpate::internal::stages::{CHUNK_TRIANGLES, PAIR_PATCHES};
+use palpate::scene::{Samples, Sides};
+use palpate_oracle::overlap;
+
+use super::contact::{positions, vector};
+use crate::harness::bodies::{Mesh, lathe, rigid, soft, sphere, whole};
+use crate::harness::context;
+use crate::harness::random::Random;
+use crate::stage::flow::Flow;
+
+/// Tolerance of the area, as a share of the triangle's: where two triangles are nearly parallel, heights in f32, known to
+/// some 1e-8 m, leave it open by micrometres where they meet.
+const AREA: f64 = 1e-3;
+/// Tolerance of the volume, as a share of the triangle's area times its longest edge, and of the centre of pressure, in
+/// longest edges.
+const VOLUME: f64 = 2e-5;
+const CENTRE: f64 = 2e-4;
+/// Greatest error of the net force, and of the net torque: the contacts add up the same integrals as the oracle, of
+/// depths from 0.1 mm on that are known to some 1e-8 m, times the slope of facets that are nearly seen edge-on.
+const NET: f64 = 1e-3;
+
+/// A box about the origin, cut into cells.
+fn cuboid(half: DVec3, cells: [u32; 3]) -> Mesh {
+    let (vertices, triangles, _) = layer::boundary(&layer::kuhn_box(-half, half, cells));
+    (vertices, triangles)
+}
+
+/// What is pressed into what: the tool's mesh, the soft body's, and the tool's turn from the pose in which its least
+/// point lies below its centre to one that is tilted at random.
+struct Case {
+    name: &'static str,
+    tool: Mesh,
+    body: Mesh,
+    turn: DQuat,
+    body_turn: DQuat,
+    tilt: f64,
+}
+
+fn cases() -> Vec<Case> {
+    let fine = || cuboid(DVec3::new(0.03, 0.02, 0.03), [30, 20, 30]);
+    let coarse = || cuboid(DVec3::new(0.03, 0.02, 0.03), [8, 5, 8]);
+    let cube = || cuboid(DVec3::splat(0.01), [1, 1, 1]);
+    let [level, rim] = [DQuat::IDENTITY, DQuat::from_rotation_z(0.6)];
+    let corner = DQuat::from_rotation_arc(DVec3::ONE.normalize(), -DVec3::Y);
+    let edge = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_4);
+    let across = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_4);
+    let case = |name, tool, body, turn, body_turn, tilt| Case { name, tool, body, turn, body_turn, tilt };
+    vec![
+        case("cylinder on its rim", lathe(&[(0.01, -0.01), (0.01, 0.01)], 48), fine(), rim, level, 0.1),
+        case("cylinder on its rim, coarse skin", lathe(&[(0.01, -0.01), (0.01, 0.01)], 48), coarse(), rim, level, 0.1),
+        case("corner of a box", cube(), fine(), corner, level, 0.2),
+        case("corner of a box, coarse skin", cube(), coarse(), corner, level, 0.2),
+        case("edge across an edge", cube(), cuboid(DVec3::new(0.03, 0.015, 0.015), [30, 15, 15]), edge, across, 0.1),
+        case(
+            "edge across an edge, coarse",
+            cube(),
+            cuboid(DVec3::new(0.03, 0.015, 0.015), [6, 3, 3]),
+            edge,
+            across,
+            0.1,
+        ),
+        case("coarse sphere on fine skin", sphere(0.01, 1), fine(), level, level, 3.0),
+        case("fine sphere on coarse skin", sphere(0.01, 4), coarse(), level, level, 3.0),
+    ]
+}
+
+/// A case in a pose at random, in which the tool's lowest point lies `depth` (m) below the body's highest.
+fn posed(case: &Case, depth: f64, random: &mut Random) -> (Body, Body) {
+    let body_turn =
+        DQuat::from_rotation_y(if case.body_turn == DQuat::IDENTITY { random.next() } else { 0.0 }) * case.body_turn;
+    let body = soft("body", case.body.clone(), whole, DVec3::ZERO, body_turn);
+    let turn = DQuat::from_scaled_axis(case.tilt * random.vector()) * case.turn;
+    let top = case.body.0.iter().map(|x| (body_turn * *x).y).fold(f64::MIN, f64::max);
+    let low = case.tool.0.iter().map(|x| (turn * *x).y).fold(f64::MAX, f64::min);
+    let aside = 0.004 * random.vector();
+    let place = DVec3::new(aside.x, top - depth - low, aside.z);
+    (body, rigid("tool", case.tool.clone(), whole, place, turn))
+}
+
+fn flow(body: &Body, tool: &Body, samples: Samples) -> Flow {
+    let mut flow = Flow::of(&[body.clone()], Some(tool), tool.position, Sides::Both, samples);
+    flow.query(Path::Compute);
+    flow.gather();
+    flow
+}
+
+fn triangles(body: &Body) -> &[[u32; 3]] {
+    match &body.shape {
+        Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => &skin.triangles,
+        Shape::Plane { .. } => &[],
+    }
+}
+
+/// The normal of the pair's contact patch, which points from the body to the tool.
+fn normal(flow: &Flow, r: usize) -> DVec3 {
+    vector(&flow.contact_patches[r].normal).normalize()
+}
+
+#[test]
+fn every_triangle_overlaps_as_in_the_oracle() {
+    let mut random = Random(91);
+    let (mut seen, mut worst) = (0, [0.0f64; 3]);
+    for case in cases() {
+        for depth in [2e-4, 1e-3, 3e-3, 5e-3] {
+            let (body, tool) = posed(&case, depth, &mut random);
+            let mut flow = Flow::of(&[body.clone()], Some(&tool), tool.position, Sides::Both, Samples::Triangles);
+            for d in &mut flow.displacement {
+                *d = (2e-4 * random.vector()).as_vec3().extend(0.0).to_array();
+            }
+            flow.query(Path::Compute);
+            let [own, other] = [(&body, 0), (&tool, 1)].map(|(b, k)| positions(&flow, b, k, tool.position));
+            for r in (0..PAIR_PATCHES).filter(|r| flow.contact_patches[*r].weight > 0.0) {
+                let want = overlap::overlaps(normal(&flow, r), &own, triangles(&body), &other, triangles(&tool));
+                let mut found = vec![shaders::Overlap::default(); want.len()];
+                for (w, [entry, at]) in flow.work_items.iter().take(flow.counts.work_items as usize).enumerate() {
+                    let entry = &flow.active_chunks[*entry as usize];
+                    if *at as usize != r || entry.side != 0 {
+                        continue;
+                    }
+                    let chunk = &flow.model.chunks[entry.chunk as usize];
+                    let first = chunk.triangle_first as usize;
+                    for (l, t) in
+                        flow.model.chunk_triangles[first..][..chunk.triangle_count as usize].iter().enumerate()
+                    {
+                        let place = flow.overlap_at[w * CHUNK_TRIANGLES + l];
+                        if place != NONE {
+                            found[*t as usize] = flow.overlaps[place as usize];
+                        }
+                    }
+                }
+                for (t, (found, want)) in found.iter().zip(&want).enumerate() {
+                    let [a, b, c] = triangles(&body)[t].map(|v| own[v as usize]);
+                    let (area, edge) =
+                        (0.5 * (b - a).cross(c - a).length(), a.distance(b).max(b.distance(c)).max(c.distance(a)));
+                    let off = [
+                        (f64::from(found.area) - want.area) / area,
+                        (f64::from(found.volume) - want.volume) / (area * edge),
+                    ];
+                    // Where the volume is all rounding, so is its centre.
+                    let centre = if want.volume > 1e-3 * area * edge {
+                        let [second, third] = found.barycentric.map(f64::from);
+                        (a + second * (b - a) + third * (c - a)).distance(want.moment / want.volume) / edge
+                    } else {
+                        0.0
+                    };
+                    for (worst, off) in worst.iter_mut().zip([off[0], off[1], centre]) {
+                        *worst = worst.max(off.abs());
+                    }
+                    assert!(
+                        off[0].abs() < AREA && off[1].abs() < VOLUME && centre < CENTRE,
+                        "{}, {depth} m deep, triangle {t}: {found:?} where {want:?} was expected; {off:?}, {centre}",
+                        case.name
+                    );
+                    seen += usize::from(want.volume > 0.0);
+                }
+            }
+        }
+    }
+    println!("{seen} triangles overlap; errors of area, volume and centre at most {worst:?}");
+    assert!(seen > 500, "only {seen} triangles overlap");
+    crate::harness::assert_clean(context(), "overlaps");
+}
+
+/// Error of net force and torque of a flow's contacts, against f64 along the same normal: relative to the force, and to
+/// the larger of the torque and the force at an arm of 1 mm. `None` if there are several patches.
+fn net_error(flow: &Flow, body: &Body, tool: &Body) -> Option<[f64; 2]> {
+    if flow.contact_patches[1].weight > 0.0 {
+        return None;
+    }
+    let n = normal(flow, 0);
+    let [own, other] = [(body, 0), (tool, 1)].map(|(b, k)| positions(flow, b, k, tool.position));
+    let (volume, moment) = overlap::total(&overlap::overlaps(n, &own, triangles(body), &other, triangles(tool)));
+    let centre = vector(&flow.params.tool_centre);
+    let torque = (moment - volume * centre).cross(n);
+    let (mut force, mut turned) = (0.0, DVec3::ZERO);
+    for contact in &flow.contacts {
+        let push = f64::from(contact.area * contact.depth);
+        force += push;
+        turned += push * vector(&contact.arm).cross(n);
+    }
+    Some([(force / volume - 1.0).abs(), turned.distance(torque) / torque.length().max(1e-3 * volume)])
+}
+
+#[test]
+fn net_force_and_torque_are_those_of_the_exact_overlap() {
+    let mut random = Random(92);
+    for case in cases() {
+        let mut errors = [[0.0f64; 2]; 2];
+        let mut several = 0;
+        for _ in 0..12 {
+            let (body, tool) = posed(&case, 1.5e-3 + 1e-3 * random.next(), &mut random);
+            for (k, samples) in [Samples::Vertices, Samples::Triangles].into_iter().enumerate() {
+                let flow = flow(&body, &tool, samples);
+                match net_error(&flow, &body, &tool) {
+                    None => several += 1,
+                    Some(error) => errors[k] = [errors[k][0].max(error[0]), errors[k][1].max(error[1])],
+                }
+            }
+        }
+        println!(
+            "{}: greatest error of force and torque {:.1e} and {:.1e} by triangles, {:.0} % and {:.0} % by vertices; {several} \
+             of 24 in several patches",
+            case.name,
+            errors[1][0],
+            errors[1][1],
+            100.0 * errors[0][0],
+            100.0 * errors[0][1]
+        );
+        assert!(errors[1][0] < NET && errors[1][1] < NET && several < 12, "{}", case.name);
+    }
+}
