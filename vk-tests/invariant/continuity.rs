@@ -76,19 +76,23 @@ fn open(sweep: &Sweep, from: DVec3, to: DVec3) -> Simulation {
             let points = points.iter().map(|x| format!("v {:?} {:?} {:?}\n", x.x, x.y, x.z));
             let faces = triangles.iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
             std::fs::write(&file, points.chain(faces).collect::<String>()).unwrap();
-            let turn = DQuat::from_rotation_arc(DVec3::Y, outward.normalize());
-            format!("surface = {file:?}\norientation = [{:?}, {:?}, {:?}, {:?}]", turn.x, turn.y, turn.z, turn.w)
+            format!("surface = {file:?}")
         }
     };
+    let turn = match sweep.tool {
+        Tool::Sphere(_) => DQuat::IDENTITY,
+        Tool::Mesh(..) => DQuat::from_rotation_arc(DVec3::Y, outward.normalize()),
+    };
+    let turn = format!("{:?}, {:?}, {:?}, {:?}", turn.x, turn.y, turn.z, turn.w);
     let time = SWEEP.0 as f64 * 1e-3;
     let velocity = (to - from) / time;
     let row = |x: DVec3| format!("{:?}, {:?}, {:?}", x.x, x.y, x.z);
     let text = format!(
         "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = {STIFFNESS:?}\ndamping = 0.0\n\
          [[body]]\nname = \"{model}\"\nsurface = {{ model = \"{model}\", vertices = {vertices} }}\n\
-         [tool]\n{tool}\nmass = 0.05\nposition = [{}]\nvelocity = [{}]\n\
+         [tool]\n{tool}\nmass = 0.05\nposition = [{}]\norientation = [{turn}]\nvelocity = [{}]\n\
          [coupling]\nstiffness = 1e7\ndamping = 1e4\nangular_stiffness = 1e4\nangular_damping = 10.0\n\
-         [drive]\nkeys = [[0.0, {}], [{time:?}, {}]]\n",
+         [drive]\nkeys = [[0.0, {}, {turn}], [{time:?}, {}, {turn}]]\n",
         row(from),
         row(velocity),
         row(from),
