@@ -17,6 +17,7 @@ mod gap;
 pub mod joints;
 mod make;
 mod nodes;
+mod passing;
 mod plans;
 mod probes;
 mod report;
@@ -93,6 +94,8 @@ pub struct Simulation {
     tool: Option<Tool>,
     frames: Frames,
     trajectory: Trajectory,
+    /// What keeps a rigid tool from passing through bodies.
+    passing: Option<passing::Passing>,
     probes: Vec<ProbePlace>,
     plan: Plan,
     /// The kind of buffers through which kernels read their arrays, and why it was chosen.
@@ -196,7 +199,7 @@ impl Simulation {
         let begun = Instant::now();
         self.step += 1;
         self.last_work = StepWork { gpu_us: self.is_timed().then_some(0.0), ..StepWork::default() };
-        let report = self.advance(time - h, h, MOST_HALVINGS)?;
+        let report = self.advance_in_parts(time - h, h)?;
         self.time = time;
         // A frozen step, in which no attempt succeeded, leaves the forces of a solve that was not accepted.
         self.is_solved = !Flags(report.flags).contains(Flags::FROZEN);

@@ -48,7 +48,7 @@ layout(scalar) writeonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRI
 
 // Cosine of the angle between a triangle's normal and the patch's below which the triangle is seen edge-on, and left
 // out.
-const float EDGE_ON = 0.01;
+const float EDGE_ON = 0.001;
 const uint AWAY = 0x80000000u;          // marks, in `other_vertex`, a triangle that faces away
 // How far rounding may move a point, as a share of its distance from the origin.
 const float ROUNDING = 2.0e-7;

@@ -54,8 +54,12 @@ impl Flags {
     /// it was before the first, and above ten times what single precision can reach.
     pub const NEWTON_NOT_CONVERGED: Flags = Flags(shaders::FLAG_NEWTON_NOT_CONVERGED);
 
+    /// The tool moved further than its own extent in a step, or in each of the parts of a step, so that it may have passed
+    /// through a body.
+    pub const MOVED_TOO_FAR: Flags = Flags(4096);
+
     /// Every flag and its name, by rising bit.
-    pub const ALL: [(Flags, &'static str); 12] = [
+    pub const ALL: [(Flags, &'static str); 13] = [
         (Flags::NOT_CONVERGED, "not_converged"),
         (Flags::PATCH_OVERFLOW, "region_overflow"),
         (Flags::CONTACT_OVERFLOW, "contact_overflow"),
@@ -68,6 +72,7 @@ impl Flags {
         (Flags::TURNS_TOO_FAR, "turns_too_far"),
         (Flags::INVERTED, "inverted"),
         (Flags::NEWTON_NOT_CONVERGED, "newton_not_converged"),
+        (Flags::MOVED_TOO_FAR, "moved_too_far"),
     ];
 
     /// The words for each flag, in the order of [`Flags::ALL`].
@@ -147,6 +152,12 @@ impl Flags {
             meaning: "After all Newton iterations of the step its equations were not solved: the next linearisation would \
                       move the bodies about as far again. Shapes and forces of these steps may be wrong.",
             remedy: Some("Shorten step.dt, or set step.newton to 1 and compare."),
+        },
+        Explanation {
+            title: "the tool moved too far in a step",
+            meaning: "Contact is looked for once a step. The tool moved further than its own extent near a body, even in \
+                      the sixteen parts into which a step is divided at most, so it may have passed through the body.",
+            remedy: Some("Shorten step.dt, or move the tool more slowly."),
         },
     ];
 

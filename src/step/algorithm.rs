@@ -2,7 +2,8 @@
 //! attached; a frame is a rigid coordinate frame, which floats where a soft body has no core. The tool is the rigid
 //! body that the haptic device leads; a probe is a skin vertex whose path is recorded.
 //!
-//! 1. [`Simulation::advance`] writes the step's inputs: the haptic device's pose, rigid coordinate frames, the tool.
+//! 1. [`Simulation::advance_in_parts`] divides a step in which a fast tool could pass through a body.
+//!    [`Simulation::advance`] writes the step's inputs: the haptic device's pose, rigid coordinate frames, the tool.
 //! 2. [`Recordings::begin`]: velocities of nodes attached to moving frames; broad phase, narrow phase and contacts at
 //!    the step's start (pose, cull, skin, depth, contact), beside which the element forces and the operator are
 //!    computed; the solver's set-up with its first residual.
@@ -18,7 +19,9 @@
 
 use super::plans::{MOST_PARTS, Plans};
 use super::stage_set::Stages;
-use super::{Flags, Simulation, StepWork, Timing, tools};
+use super::{Flags, MOST_HALVINGS, Simulation, StepWork, Timing, tools};
+use glam::DVec3;
+
 use crate::gpu::{Recorder, Recording};
 use crate::shaders::{self, Fit, Report};
 use crate::stages::gap::Skins;
@@ -155,6 +158,41 @@ fn stop(stages: &Stages, blank: Blank) -> Result<Recording> {
 }
 
 impl Simulation {
+    /// Advances by `h` seconds from the time `from` (s), in several parts if the tool could pass through a body unseen
+    /// otherwise.
+    pub(super) fn advance_in_parts(&mut self, from: f64, h: f64) -> Result<Report> {
+        let (Some(passing), Some(tool), None) = (&self.passing, &self.tool, self.model.tool_core) else {
+            return self.advance(from, h, MOST_HALVINGS);
+        };
+        let pull = if tool.coupling.is_some() { h * self.trajectory.device(from + h, h).velocity } else { DVec3::ZERO };
+        let own = h * tool.velocity;
+        let way = if pull.length_squared() > own.length_squared() { pull } else { own };
+        let parts = passing.parts(tool, way, |frame| self.frames.place(frame).centre);
+        let part = h / f64::from(parts);
+        let mut all: Option<Report> = None;
+        for k in 0..parts {
+            let before = self.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.centre);
+            let mut report = self.advance(from + f64::from(k) * part, part, MOST_HALVINGS)?;
+            if let (Some(passing), Some(tool)) = (&self.passing, &self.tool) {
+                let way = tool.centre - before;
+                if passing.may_have_passed(tool, way, |frame| self.frames.place(frame).centre) {
+                    report.flags |= Flags::MOVED_TOO_FAR.0;
+                }
+            }
+            if let Some(all) = &all {
+                report.iterations += all.iterations;
+                report.nonlinear_residual = report.nonlinear_residual.max(all.nonlinear_residual);
+                report.flags |= all.flags;
+            }
+            let is_frozen = Flags(report.flags).contains(Flags::FROZEN);
+            all = Some(report);
+            if is_frozen {
+                break;
+            }
+        }
+        all.ok_or_else(|| Error::Simulation("a step has no parts; this is an error in palpate".into()))
+    }
+
     /// Advances by `h` seconds from the time `from` (s). A step fails where its solution is not finite, or the solver
     /// diverged or broke down early. A failed step leaves the state as it was and is repeated in two halves, which may
     /// be halved again, up to `halvings` times. Where even the shortest halves fail, everything stops where it is, so

@@ -10,6 +10,7 @@ use glam::{DQuat, DVec3};
 
 use super::algorithm::Recordings;
 use super::frames::Frames;
+use super::passing::Passing;
 use super::probes::{ProbePlace, probes_of};
 use super::stage_set::Stages;
 use super::{Simulation, StepWork, TIMED_EVERY, Timing, tools};
@@ -154,6 +155,7 @@ impl Prepared {
         let tool_core_mass = tools::tool_core_mass(&model);
         Ok(Simulation {
             has_friction: model.friction[0] > 0.0,
+            passing: Passing::new(&model),
             trajectory: Trajectory::new(&scene.trajectory, Key { time: 0.0, position: start.0, orientation: start.1 }),
             scene: scene.clone(),
             context: Arc::clone(context),

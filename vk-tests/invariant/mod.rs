@@ -9,4 +9,5 @@ pub mod invariants;
 pub mod layers;
 pub mod materials;
 pub mod motion;
+pub mod passing;
 pub mod stacked;

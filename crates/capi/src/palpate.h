@@ -124,6 +124,9 @@
 // Flag of a step: the Newton iterations left much of the step's nonlinear equations unsolved.
 #define PALPATE_FLAG_NEWTON_NOT_CONVERGED 2048
 
+// Flag of a step: the tool moved further than its own extent in a step near a body, which it may have passed through.
+#define PALPATE_FLAG_MOVED_TOO_FAR 4096
+
 // The array that palpate_skin_export exports: the positions of skin vertices.
 #define PALPATE_SKIN_POSITIONS 0
 

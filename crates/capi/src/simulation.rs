@@ -132,6 +132,8 @@ pub const PALPATE_FLAG_TURNS_TOO_FAR: u32 = 512;
 pub const PALPATE_FLAG_INVERTED: u32 = 1024;
 /// Flag of a step: the Newton iterations left much of the step's nonlinear equations unsolved.
 pub const PALPATE_FLAG_NEWTON_NOT_CONVERGED: u32 = 2048;
+/// Flag of a step: the tool moved further than its own extent in a step near a body, which it may have passed through.
+pub const PALPATE_FLAG_MOVED_TOO_FAR: u32 = 4096;
 
 /// The object for which the handle of a simulation (the number by which a C caller names it) stands.
 pub(super) struct SimulationObject {
@@ -330,6 +332,7 @@ mod tests {
             PALPATE_FLAG_TURNS_TOO_FAR,
             PALPATE_FLAG_INVERTED,
             PALPATE_FLAG_NEWTON_NOT_CONVERGED,
+            PALPATE_FLAG_MOVED_TOO_FAR,
         ];
         assert_eq!(Flags::ALL.map(|(flag, _)| flag.0), own);
     }

@@ -22,7 +22,7 @@ pub struct Overlap {
 }
 
 /// Cosine of the angle between a triangle's normal and the patch's below which the triangle is seen edge-on.
-const EDGE_ON: f64 = 0.01;
+const EDGE_ON: f64 = 0.001;
 
 /// For each triangle of skin A: its overlap with skin B along the unit normal `normal`, which points from A to B. B must
 /// be convex. Triangles of A that face away from B have none. What lies behind B's far side is no overlap where A is thin,

@@ -9,7 +9,7 @@ use super::{AxisResult, CellResult, Judged};
 
 /// Meaning of each flag except the two that report a full buffer, for cases whose cause is not known in more detail;
 /// the gravest flag first.
-const FLAGS: [(Flags, &str); 10] = [
+const FLAGS: [(Flags, &str); 11] = [
     (Flags::FROZEN, "not even the shortest step could be solved, and all motion was stopped"),
     (Flags::NON_FINITE, "a number left single precision's range, and the step was done again in halves"),
     (Flags::STEP_RETRIED, "the solver broke down, and the step was done again in halves"),
@@ -19,6 +19,7 @@ const FLAGS: [(Flags, &str); 10] = [
     (Flags::TURNS_TOO_FAR, "the block turns too far in a step for its stiffness"),
     (Flags::INVERTED, "tetrahedra were inside out"),
     (Flags::NEWTON_NOT_CONVERGED, "the Newton iterations did not solve the step's equations"),
+    (Flags::MOVED_TOO_FAR, "the tool moves further than its own extent in a step"),
     (Flags::NOT_A_HEIGHT_FIELD, "the skin folds over itself in front of the sphere"),
 ];
 

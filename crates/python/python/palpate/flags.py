@@ -33,3 +33,5 @@ class Flags(IntFlag):
     """A tetrahedron was inverted, or pressed so flat that its rotation was not found."""
     newton_not_converged = 2048
     """After all Newton iterations of the step its equations were not solved."""
+    moved_too_far = 4096
+    """The tool moved further than its own extent in a step near a body, which it may have passed through."""
