@@ -96,6 +96,8 @@ pub struct Simulation {
     trajectory: Trajectory,
     /// What keeps a rigid tool from passing through bodies.
     passing: Option<passing::Passing>,
+    /// Centre of a rigid tool at the end of the last step, m; `None` before the first, and after a state was restored.
+    tool_end: Option<DVec3>,
     probes: Vec<ProbePlace>,
     plan: Plan,
     /// The kind of buffers through which kernels read their arrays, and why it was chosen.
@@ -116,6 +118,8 @@ pub struct Simulation {
     needs: plans::Needs,
     /// What the last step asked of the GPU.
     last_work: StepWork,
+    /// Number of parts in which the last step was done.
+    last_parts: u32,
     last_timed: Option<Vec<(String, f64)>>,
     /// By what runs: the number of passes since [`Simulation::time_passes`].
     pass_counts: Vec<(String, u64)>,
@@ -486,6 +490,7 @@ impl Simulation {
             nonlinear_residual: (self.scene.step.newton > 1 && !Flags(report.flags).contains(Flags::FROZEN))
                 .then_some(f64::from(report.nonlinear_residual)),
             flags: Flags(report.flags),
+            parts: self.last_parts,
             step_us: begun.elapsed().as_secs_f64() * 1e6,
             work: self.last_work,
             probes,

@@ -24,7 +24,7 @@ use palpate_capi::steps::*;
 
 /// Capacity of every array that a call may fill.
 const ROOM: usize = 512;
-/// Calls in one sequence.
+/// Calls for one input.
 const MOST_CALLS: usize = 512;
 
 const TEXTS: [&CStr; 6] = [
@@ -149,9 +149,13 @@ fuzz_target!(|bytes: &[u8]| {
     let (mut scenes, mut simulations) = (Vec::new(), Vec::new());
     let (mut positions, mut floats) = (vec![[0.0f64; 3]; ROOM], vec![[0.0f32; 3]; ROOM]);
     let (mut triangles, mut state, mut count) = (vec![[0u32; 3]; ROOM], vec![0u8; 64 * ROOM], 0usize);
-    let mut calls = 0;
-    while !choices.0.is_empty() && calls < MOST_CALLS {
-        calls += 1;
+    let mut rounds = 0;
+    for _ in 0..MOST_CALLS {
+        if choices.0.is_empty() {
+            // A short input goes round, each time from one byte further on, so that every input makes as many calls.
+            rounds += 1;
+            choices = Choices(bytes.get(rounds % bytes.len().max(1)..).unwrap_or_default());
+        }
         let scene = choices.handle(&scenes);
         let simulation = choices.handle(&simulations);
         // SAFETY (of all calls): pointers are null where the header allows it, or lead to live memory of the size that the
@@ -218,7 +222,8 @@ fuzz_target!(|bytes: &[u8]| {
                         simulations.push(made);
                     }
                 }
-                13 => drop(check(palpate_simulation_destroy(simulation))),
+                // To create a simulation takes as long as a thousand other calls, so few are destroyed.
+                13 if choices.byte() % 8 == 0 => drop(check(palpate_simulation_destroy(simulation))),
                 14..=16 => {
                     let (pose, mut wrench) = (choices.pose(), zeroed::<palpate_wrench>());
                     let target = if choices.byte() % 3 == 0 { null() } else { &raw const pose };

@@ -117,7 +117,7 @@ void main() {
     // point.
     vec3 at = fetch(skin, vertex).xyz;
     if (pair.by_triangles != 0) {
-        // The contact's point is the centre of pressure on the triangle, and all but one body is rigid.
+        // The contact's point is the centre of pressure on the triangle; the other body is rigid.
         uvec3 corners = fetch(triangles, triangle).xyz;
         at = (1.0 - found.y - found.z) * fetch(skin, corners.x).xyz + found.y * fetch(skin, corners.y).xyz
             + found.z * fetch(skin, corners.z).xyz;

@@ -18,8 +18,8 @@
 // pressure moment / volume, exactly, however coarse or fine either skin is. A is convex, and the integrals over it are
 // sums over the segments of its boundary, which lies on the edges of both triangles and the line where d is zero.
 // Triangles of the other skin that face away bound it on its far side. What lies behind them is outside the other body,
-// and so is no contact if the other body is also behind the own far side, as it is under an overhang of the own body. If
-// it is not, the other body is a thin one that lies wholly within the own, and is pushed out as any other.
+// and is no contact if the other body is also behind the own far side, as it is under an overhang of the own body. If it
+// is not, the other body is a thin one that lies wholly within the own, and is pushed out as any other.
 //
 // One workgroup runs for each work item, an active chunk in one patch (a chunk is a group of at most 64 skin vertices
 // with their triangles). It appends an `Overlap` for each triangle of a chunk of the gathering skin that has one, and
@@ -50,6 +50,10 @@ layout(scalar) writeonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRI
 // out.
 const float EDGE_ON = 0.001;
 const uint AWAY = 0x80000000u;          // marks, in `other_vertex`, a triangle that faces away
+const uint BATCH = 16;                  // triangles whose boxes are tested before those that meet are integrated
+// Mean depth, in units of the own body's thickness, from which on what lies behind the other body counts less, and at
+// which it does not count at all.
+const vec2 THIN = vec2(0.8, 1.2);
 // How far rounding may move a point, as a share of its distance from the origin.
 const float ROUNDING = 2.0e-7;
 
@@ -58,7 +62,7 @@ const float ROUNDING = 2.0e-7;
 shared vec2 other_places[3 * CHUNK_TRIANGLES];
 shared float other_heights[3 * CHUNK_TRIANGLES];
 shared vec4 other_boxes[CHUNK_TRIANGLES];
-shared float other_reach[CHUNK_TRIANGLES];      // how far it reaches towards the own skin, along the normal
+shared float other_reach[CHUNK_TRIANGLES];      // how far it reaches towards the own skin, along the normal, m
 shared uint other_vertex[CHUNK_TRIANGLES];
 shared uint is_kept[SIZE];
 shared uint any_behind;                     // whether any own triangle lies behind the other body's far side
@@ -252,6 +256,9 @@ uint list_triangles(mat3 axes, Chunk chunk, uint side, vec2 low, vec2 high, bool
     return count;
 }
 
+// How many of `count` elements this lane handles, where each lane handles every SIZE-th element.
+uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
+
 Slab slab_of(ActiveChunk entry, uint r) {
     PairProxy pair_proxy = pair_proxies[entry.pair_proxy];
     uint k = entry.chunk - proxies[pair_proxy.proxy].chunk_first;
@@ -261,7 +268,9 @@ Slab slab_of(ActiveChunk entry, uint r) {
 // Range of the work items of a side of a pair.
 uvec2 work_items_of(Pair pair, uint side) {
     uint begin = pair.first_pair_proxy[side], end = begin + pair.proxy_count[side];
-    return uvec2(pair_proxy_counts[begin].y, end < PAIR_PROXIES ? pair_proxy_counts[end].y : counts.work_items);
+    uvec2 range = uvec2(pair_proxy_counts[begin].y, end < PAIR_PROXIES ? pair_proxy_counts[end].y : counts.work_items);
+    // There may be more work items than fit.
+    return min(range, uvec2(counts.work_items));
 }
 
 // The centre of pressure of own triangle `l` in the patch's plane, relative to its first corner.
@@ -274,8 +283,10 @@ void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
     uvec2 range = work_items_of(pair, side);
     for (uint w = range.x; w < range.y; w++) {
         if (work_items[w].y != work_item.y) continue;
-        uint behind_count =
-            list_triangles(axes, chunks[active_chunks[work_items[w].x].chunk], 1 - side, slab.low, slab.high, true);
+        ActiveChunk other = active_chunks[work_items[w].x];
+        Slab bound = slab_of(other, work_item.y % PAIR_PATCHES);
+        if (any(lessThan(bound.high, slab.low)) || any(greaterThan(bound.low, slab.high))) continue;
+        uint behind_count = list_triangles(axes, chunks[other.chunk], 1 - side, slab.low, slab.high, true);
         for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
             if (behind[l] == 0.0) continue;
             uint at = chunk.triangle_first + l;
@@ -313,7 +324,12 @@ void main() {
     mat3 axes = mat3(contact_patch.tangent, contact_patch.bitangent, contact_patch.normal);
     Slab slab = slab_of(entry, r);
     float sign = side == 0 ? 1.0 : -1.0;
+    // `due` and `done` count the rounds that this lane has to do and those that it did: drivers may end loops early
+    // (docs/evidence/benchmarks.md, "Two traps").
+    uint due = turns_of(chunk.triangle_count), done = 0;
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
+        done++;
+        overlap_at[gl_WorkGroupID.x * CHUNK_TRIANGLES + l] = NONE;
         sums[l] = pushes[l] = vec4(0.0);
         behind[l] = greatest[l] = 0.0;
         thickness[l] = 3.0e38;
@@ -321,14 +337,18 @@ void main() {
     }
     if (lane == 0) any_behind = 0;
     uvec2 range = work_items_of(pair, 1 - side);
+    due += range.y - range.x;
     for (uint w = range.x; w < range.y; w++) {
+        done++;
         if (work_items[w].y != work_item.y) continue;
         ActiveChunk other = active_chunks[work_items[w].x];
         Slab bound = slab_of(other, r);
         bool beside = any(lessThan(bound.high, slab.low)) || any(greaterThan(bound.low, slab.high));
         if (beside || sign * (slab.extreme - bound.extreme) < 0.0) continue;
         uint others = list_triangles(axes, chunks[other.chunk], side, slab.low, slab.high, false);
+        due += turns_of(chunk.triangle_count);
         for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
+            done++;
             uint at = chunk.triangle_first + l;
             uvec3 vertices;
             vec3 p[3];
@@ -336,23 +356,31 @@ void main() {
             vec2 base = p[0].xy;
             vec2 low = min(min(p[0].xy, p[1].xy), p[2].xy), high = max(max(p[0].xy, p[1].xy), p[2].xy);
             vec3 area = cross(p[1] - p[0], p[2] - p[0]);
-            if (sign * area.z <= EDGE_ON * length(area)) continue;
+            if (!(sign * area.z > EDGE_ON * length(area))) continue;
             for (uint c = 0; c < 3; c++) p[c].xy -= base;
             float reach = max(sign * p[0].z, max(sign * p[1].z, sign * p[2].z));
-            for (uint k = 0; k < others;) {
-                // All lanes look for the next triangle that they meet before any of them clips.
-                bool meets = false;
-                do {
-                    vec4 box = other_boxes[k];
-                    meets = all(lessThanEqual(box.xy, high)) && all(greaterThanEqual(box.zw, low))
-                        && reach + other_reach[k] > 0.0;
-                    k++;
-                } while (!meets && k < others);
-                if (meets) add(l, k - 1, p, base, area, sign);
+            // All lanes look for the triangles that they meet among the next BATCH before any of them integrates.
+            due += (others + BATCH - 1) / BATCH;
+            for (uint first = 0; first < others; first += BATCH) {
+                done++;
+                uint met = 0;
+                for (uint k = 0; k < BATCH; k++) {
+                    vec4 box = other_boxes[first + k];
+                    bool meets = first + k < others && all(lessThanEqual(box.xy, high))
+                        && all(greaterThanEqual(box.zw, low)) && reach + other_reach[first + k] > 0.0;
+                    met |= meets ? 1u << k : 0u;
+                }
+                while (met != 0) {
+                    add(l, first + findLSB(met), p, base, area, sign);
+                    met &= met - 1;
+                }
+                // The driver ended the loop early.
+                if (met != 0) due++;
             }
         }
         barrier();
     }
+    barrier();
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
         if (behind[l] > 0.0 && sums[l].y > 0.0) atomicOr(any_behind, 1);
         else behind[l] = 0.0;
@@ -361,12 +389,11 @@ void main() {
     if (any_behind != 0) measure_thickness(axes, work_item, pair, side, chunk, slab);
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
         vec4 sum = sums[l];
-        bool is_thin = sum.x > 0.0 && thickness[l] < sum.y / sum.x;
-        float share = is_thin ? clamp(1.0 - behind[l] / sum.x, 0.0, 1.0) : 1.0;
-        if (sum.y <= 0.0 || share == 0.0) {
-            overlap_at[gl_WorkGroupID.x * CHUNK_TRIANGLES + l] = NONE;
-            continue;
-        }
+        if (!(sum.y > 0.0)) continue;
+        // How far the mean depth is beyond the own far side, smoothly, so that the force does not jump.
+        float thin = smoothstep(THIN.x, THIN.y, sum.y / sum.x / thickness[l]);
+        float share = 1.0 - thin * min(behind[l] / sum.x, 1.0);
+        if (share <= 0.0) continue;
         // The centre of pressure as weights of the own triangle's second and third corner.
         uint at = chunk.triangle_first + l;
         uvec3 vertices;
@@ -376,12 +403,13 @@ void main() {
         vec2 weights = vec2(cross2(x, third), cross2(second, x)) / cross2(second, third);
         uint place = atomicAdd(counts.overlaps, 1);
         bool fits = place < MOST_OVERLAPS;
-        overlap_at[gl_WorkGroupID.x * CHUNK_TRIANGLES + l] = fits ? place : NONE;
         if (!fits) {
             atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
             continue;
         }
+        overlap_at[gl_WorkGroupID.x * CHUNK_TRIANGLES + l] = place;
         overlaps[place] = Overlap(share * sum.x, share * sum.y, weights,
             share * (axes * pushes[l].xyz), pushes[l].w, vertex_met[l]);
     }
+    if (done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

@@ -241,7 +241,8 @@ struct Counts {
     uint flags;                 // warnings of the step: bits FLAG_*
 };
 
-// A contact: one colliding skin vertex. Its point s1 on body a and its point s2 on body b move at v1 and v2.
+// A contact: one colliding skin vertex. Where triangles are tested for contact, the overlap of one triangle is kept as a
+// contact of the other body's vertex with that triangle. Its point s1 on body a and its point s2 on body b move at v1 and v2.
 struct Contact {
     vec3 normal;                // unit, from a to b
     float area;                 // area projected along the normal, halved where vertices of both sides are tested, m^2

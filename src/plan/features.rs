@@ -65,7 +65,7 @@ fn of_contact(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &s
     let both = model.pairs.iter().filter(|pair| pair.is_plane == 0 && pair.lone_side == 0).count();
     let by_triangles = model.pairs.iter().filter(|pair| pair.by_triangles != 0).count();
     let one = match scene.contact.sides {
-        _ if by_triangles > 0 => "the triangles of one skin of each pair are tested for contact",
+        _ if by_triangles > 0 => "no two skins are tested by vertices",
         Sides::One => "contact.sides is \"one\": only vertices of the finer skin of each pair are tested for contact",
         Sides::Both => "only half-spaces are touched",
     };
@@ -77,8 +77,8 @@ fn of_contact(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &s
     );
     let reason = match scene.contact.samples {
         Samples::Vertices => "contact.samples is \"vertices\"",
-        Samples::Triangles => "no pair has a rigid body with a single hull",
-        Samples::Auto => "no pair has a rigid body with a single hull and sharp edges or the coarser skin",
+        Samples::Triangles => "no pair has a rigid, nearly convex body with a single hull",
+        Samples::Auto => "no pair has a rigid, nearly convex body with sharp edges or the coarser skin",
     };
     add(
         "overlaps of triangles",

@@ -17,7 +17,7 @@ use super::hull::{self, Growing};
 use super::{NONE, Proxy, Skin, mass, repair};
 
 /// A skin that encloses this share of its convex hull's volume or more counts as convex and gets one proxy.
-const CONVEX: f64 = 0.99;
+pub const CONVEX: f64 = 0.99;
 /// Number of voxels along the longest side of the skin's bounding box. More voxels change the parts little, and the
 /// cost grows with the cube of this number.
 const RESOLUTION: u32 = 64;

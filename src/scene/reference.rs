@@ -193,15 +193,16 @@ pub const CONTACT: TableKeys = TableKeys {
             "`\"both\"` or `\"one\"`",
             "\"both\"",
             "Whose skin vertices are tested for contact: those of both bodies, each side counting half, or those of \
-             the body with the finer skin, counting in full.",
+             the body with the finer skin, counting in full. Pairs that are tested by triangles have one side.",
         ),
         key(
             "samples",
             "`\"auto\"`, `\"vertices\"` or `\"triangles\"`",
             "\"auto\"",
             "What of a skin is tested for contact: its vertices, or its triangles, over each of which the depth is \
-             integrated. Triangles need a rigid, nearly convex body (one hull) in the pair, and are those of the other \
-             body; `auto` takes them where that rigid body has sharp edges or the coarser skin.",
+             integrated. Triangles need a rigid, nearly convex body in the pair, with one hull and no dynamics of its own \
+             but the tool's, and are those of the other body; `auto` takes them where that rigid body has sharp edges or \
+             the coarser skin, unless they are larger than half its second longest side.",
         ),
     ],
 };

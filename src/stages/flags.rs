@@ -94,14 +94,15 @@ impl Flags {
         },
         Explanation {
             title: "too many contacts",
-            meaning: "More than 32,768 contacts were found, of which the deepest are kept, or more rays met triangles \
-                      than there is room for. Which of them are kept may differ from run to run.",
+            meaning: "More than 32,768 contacts were found, of which the deepest are kept, or more rays met triangles, or \
+                      more triangles overlapped, than there is room for. Which of them are kept may differ from run to \
+                      run.",
             remedy: Some("Give coarser skins, set contact.sides to \"one\", or press on a smaller area."),
         },
         Explanation {
             title: "a contact is deeper than the limit",
-            meaning: "A vertex lies deeper inside another body than contact.depth_limit. Some contacts as deep as that \
-                      are left out, so the force may be wrong.",
+            meaning: "Skin lies deeper inside another body than contact.depth_limit. Some vertices as deep as that are \
+                      left out, so the force may be wrong.",
             remedy: Some(
                 "Raise contact.stiffness or contact.depth_limit, shorten step.dt, or move the bodies more slowly.",
             ),
@@ -155,8 +156,9 @@ impl Flags {
         },
         Explanation {
             title: "the tool moved too far in a step",
-            meaning: "Contact is looked for once a step. The tool moved further than its own extent near a body, even in \
-                      the sixteen parts into which a step is divided at most, so it may have passed through the body.",
+            meaning: "Contact is looked for once a step. Near a body the tool moved further than its own extent, in one of \
+                      the parts into which fast steps are divided or between two steps of a haptic loop, so it may \
+                      have passed through the body.",
             remedy: Some("Shorten step.dt, or move the tool more slowly."),
         },
     ];

@@ -7,7 +7,8 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use crate::prepare::{Body, FrameMotion, Shape, Skin};
+use crate::prepare::proxy::CONVEX;
+use crate::prepare::{Body, FrameMotion, Shape, Skin, hull};
 use crate::scene::Samples;
 
 /// Cosine of the angle between the normals of two triangles at an edge below which the edge is sharp: 40 degrees.
@@ -15,11 +16,21 @@ const SHARP: f64 = 0.766;
 /// How many times as long the mean edge of a rigid body's skin may be as that of the other body's skin for vertices.
 const COARSER: f64 = 1.5;
 
+/// How long the mean edge of the tested triangles may be, as a share of the second longest side of either body's box, for
+/// the engine to choose triangles: a triangle's contact has no resistance to rotation about its own centre of pressure, so
+/// several of them must share a face that lies flat on them.
+const COARSEST: f64 = 0.5;
+
 /// The side of a pair (0: the first body, 1: the second) whose triangles are tested for contact; `None` where vertices
-/// are. The other side must be rigid and nearly convex, that is, have one collision proxy (convex hull): then each of
-/// its skin's two layers, seen along a normal, has one height.
+/// are. The other side must be rigid and nearly convex, with one collision proxy (convex hull): then its skin, seen along
+/// a normal, has one near and one far side.
 pub fn side_by_triangles(samples: Samples, pair: [&Body; 2]) -> Option<usize> {
-    let rigid = |body: &Body| matches!(&body.shape, Shape::Rigid { proxies, .. } if proxies.len() == 1);
+    // A dynamic rigid body moves by nodes, and a contact's nodes are those of the triangle alone.
+    let rigid = |body: &Body| match &body.shape {
+        Shape::Rigid { motion: FrameMotion::Dynamic { .. }, .. } => false,
+        Shape::Rigid { proxies, .. } => proxies.len() == 1,
+        _ => false,
+    };
     // Of two such bodies the triangles are those of the one with the finer skin.
     let side = match pair.map(rigid) {
         [false, false] => return None,
@@ -31,11 +42,28 @@ pub fn side_by_triangles(samples: Samples, pair: [&Body; 2]) -> Option<usize> {
     let asked = match samples {
         Samples::Vertices => false,
         Samples::Triangles => true,
-        Samples::Auto => edge(other) > COARSER * edge(own) || has_sharp_edge(other),
+        Samples::Auto => {
+            edge(own) <= COARSEST * width(own).min(width(other))
+                && (edge(other) > COARSER * edge(own) || has_sharp_edge(other))
+        }
     };
-    // The nodes of a dynamic rigid body would move with the contact's triangle only.
-    let moves_by_nodes = matches!(pair[1 - side].shape, Shape::Rigid { motion: FrameMotion::Dynamic { .. }, .. });
-    (asked && !moves_by_nodes).then_some(side)
+    (asked && is_nearly_convex(pair[1 - side])).then_some(side)
+}
+
+/// Whether a rigid body fills the convex hull of its skin. A body of several parts has one proxy too if the scene asks for
+/// one hull.
+fn is_nearly_convex(body: &Body) -> bool {
+    let Shape::Rigid { skin, volume, .. } = &body.shape else { return false };
+    hull::convex(&hull::thinned(&skin.vertices)).is_some_and(|whole| *volume >= CONVEX * whole.volume())
+}
+
+/// The second longest side of the box around a skin, m.
+fn width(skin: &Skin) -> f64 {
+    let low = skin.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = skin.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let mut sides = (high - low).to_array();
+    sides.sort_by(f64::total_cmp);
+    sides[1]
 }
 
 fn skin(body: &Body) -> Option<&Skin> {
@@ -71,4 +99,64 @@ fn has_sharp_edge(skin: &Skin) -> bool {
         }
     }
     false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prepare::{self, layer, skin};
+
+    fn body(mesh: (Vec<DVec3>, Vec<[u32; 3]>), is_soft: bool) -> Body {
+        let skin = skin::build(mesh.0, mesh.1);
+        let proxies = prepare::proxies(&skin).unwrap();
+        let volume = prepare::mass::properties(&skin.vertices, &skin.triangles).volume;
+        let motion = FrameMotion::Fixed;
+        let (centroid, inertia) = (DVec3::ZERO, glam::DMat3::IDENTITY);
+        let shape = match is_soft {
+            false => Shape::Rigid { skin, proxies, volume, centroid, inertia, motion },
+            true => Shape::Soft {
+                layer: Default::default(),
+                frames: vec![],
+                node_frames: vec![],
+                joints: vec![],
+                materials: vec![].into(),
+                embedding: vec![],
+                skin,
+                proxies,
+            },
+        };
+        let (position, orientation) = (DVec3::ZERO, glam::DQuat::IDENTITY);
+        Body { name: "body".into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
+    }
+
+    fn cuboid(half: DVec3, cells: [u32; 3]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let (vertices, triangles, _) = layer::boundary(&layer::kuhn_box(-half, half, cells));
+        (vertices, triangles)
+    }
+
+    #[test]
+    fn triangles_are_tested_where_a_rigid_body_is_sharp_or_coarse_and_convex() {
+        let soft = body(cuboid(DVec3::splat(0.03), [8; 3]), true);
+        let cube = body(cuboid(DVec3::splat(0.01), [1; 3]), false);
+        let blade = body(cuboid(DVec3::new(0.00025, 0.01, 0.01), [1; 3]), false);
+        let plate = body(cuboid(DVec3::new(0.03, 0.001, 0.03), [1; 3]), false);
+        let ball = body(prepare::sphere::icosphere(0.01), false);
+        let auto = |a: &Body, b: &Body| side_by_triangles(Samples::Auto, [a, b]);
+        assert_eq!((auto(&soft, &cube), auto(&cube, &soft), auto(&soft, &blade)), (Some(0), Some(1), Some(0)));
+        assert_eq!((auto(&soft, &ball), auto(&soft, &soft)), (None, None));
+        // Two triangles would carry the cube.
+        assert_eq!(auto(&plate, &cube), None);
+        assert_eq!(side_by_triangles(Samples::Triangles, [&plate, &cube]), Some(1));
+        assert_eq!(side_by_triangles(Samples::Triangles, [&soft, &ball]), Some(0));
+        assert_eq!(side_by_triangles(Samples::Vertices, [&soft, &cube]), None);
+        // Two cubes apart, covered by one hull as a scene may ask.
+        let (mut vertices, mut triangles) = cuboid(DVec3::splat(0.01), [1; 3]);
+        let count = vertices.len() as u32;
+        vertices.extend(vertices.clone().iter().map(|x| *x + 0.05 * DVec3::X));
+        triangles.extend(triangles.clone().iter().map(|t| t.map(|v| v + count)));
+        let mut two = body((vertices, triangles), false);
+        let Shape::Rigid { skin, proxies, .. } = &mut two.shape else { unreachable!() };
+        *proxies = prepare::proxy::at_most(skin, 1).unwrap();
+        assert_eq!((proxies.len(), side_by_triangles(Samples::Triangles, [&soft, &two])), (1, None));
+    }
 }

@@ -161,19 +161,23 @@ impl Simulation {
     /// Advances by `h` seconds from the time `from` (s), in several parts if the tool could pass through a body unseen
     /// otherwise.
     pub(super) fn advance_in_parts(&mut self, from: f64, h: f64) -> Result<Report> {
+        self.last_parts = 1;
         let (Some(passing), Some(tool), None) = (&self.passing, &self.tool, self.model.tool_core) else {
             return self.advance(from, h, MOST_HALVINGS);
         };
-        let pull = if tool.coupling.is_some() { h * self.trajectory.device(from + h, h).velocity } else { DVec3::ZERO };
-        let own = h * tool.velocity;
-        let way = if pull.length_squared() > own.length_squared() { pull } else { own };
-        let parts = passing.parts(tool, way, |frame| self.frames.place(frame).centre);
+        let device = self.trajectory.device(from + h, h);
+        let is_pressed = self.last_wrench.is_some_and(|wrench| wrench.wrench.force != DVec3::ZERO);
+        let way = h * tool.free_velocity(&device, h, is_pressed);
+        let parts = passing.parts(tool, way, self.is_in_haptic_loop(), |frame| self.frames.place(frame).centre);
+        self.last_parts = parts;
         let part = h / f64::from(parts);
         let mut all: Option<Report> = None;
         for k in 0..parts {
-            let before = self.tool.as_ref().map_or(DVec3::ZERO, |tool| tool.centre);
+            let before = self.tool_end.or(self.tool.as_ref().map(|tool| tool.centre)).unwrap_or_default();
             let mut report = self.advance(from + f64::from(k) * part, part, MOST_HALVINGS)?;
             if let (Some(passing), Some(tool)) = (&self.passing, &self.tool) {
+                self.tool_end = Some(tool.centre);
+                // From the end of the last step on, since a haptic loop moves the tool between steps.
                 let way = tool.centre - before;
                 if passing.may_have_passed(tool, way, |frame| self.frames.place(frame).centre) {
                     report.flags |= Flags::MOVED_TOO_FAR.0;

@@ -156,6 +156,7 @@ impl Prepared {
         Ok(Simulation {
             has_friction: model.friction[0] > 0.0,
             passing: Passing::new(&model),
+            tool_end: None,
             trajectory: Trajectory::new(&scene.trajectory, Key { time: 0.0, position: start.0, orientation: start.1 }),
             scene: scene.clone(),
             context: Arc::clone(context),
@@ -181,6 +182,7 @@ impl Prepared {
             last_iterations: 0,
             needs: Default::default(),
             last_work: StepWork::default(),
+            last_parts: 1,
             last_timed: None,
             pass_counts: Vec::new(),
             timed_every: TIMED_EVERY,

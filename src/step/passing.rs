@@ -10,8 +10,8 @@ use crate::step::tool::Tool;
 /// Greatest way of the tool in a part of a step, as a share of the tool's extent along it. Then most of the tool is still
 /// in front of a sheet when contact with it is found.
 const SHARE: f64 = 1.0 / 3.0;
-/// Greatest number of parts of a step.
-const MOST_PARTS: u32 = 16;
+/// Greatest number of parts of a step; in a haptic loop, where each part costs real time, and otherwise.
+const MOST_PARTS: [u32; 2] = [4, 16];
 /// How far a body may reach from its frame's centre when it is deformed, in units of how far it reaches at rest.
 const STRETCH: f64 = 1.5;
 
@@ -52,14 +52,14 @@ impl Passing {
     }
 
     /// Number of parts in which a step is to be done that moves the tool by about `way` (m, world axes). `centre` gives
-    /// the world position of a frame's centre.
-    pub(super) fn parts(&self, tool: &Tool, way: DVec3, centre: impl Fn(usize) -> DVec3) -> u32 {
+    /// the world position of a frame's centre; `in_loop`: whether the step is one of a haptic loop.
+    pub(super) fn parts(&self, tool: &Tool, way: DVec3, in_loop: bool, centre: impl Fn(usize) -> DVec3) -> u32 {
         let ratio = self.ratio(tool, way);
         // NaN counts as no way: the step itself reports it.
         if !(ratio > SHARE) || !self.is_near(tool.centre, way, centre) {
             return 1;
         }
-        (ratio / SHARE).ceil().min(f64::from(MOST_PARTS)) as u32
+        (ratio / SHARE).ceil().min(f64::from(MOST_PARTS[usize::from(!in_loop)])) as u32
     }
 
     /// Whether the tool, which moved by `way` (m) to where it is now, may have passed through a body.
@@ -74,7 +74,8 @@ impl Passing {
             let height = x.dot(along);
             (low.min(height), high.max(height))
         });
-        way.length() / (high - low)
+        // A hull that is flat has no extent along its normal.
+        way.length() / (high - low).max(1e-3 * self.radius)
     }
 
     /// Whether a tool that moves by `way` from `start` may meet a body.
@@ -113,17 +114,18 @@ mod tests {
         let passing = Passing { radius: 0.03, hull, reaches: vec![(0, 0.1)] };
         let flat = tool(DQuat::IDENTITY);
         let at = |y: f64| move |_| y * DVec3::Y;
-        assert_eq!(passing.parts(&flat, 0.0003 * DVec3::Y, at(0.0)), 1);
-        assert_eq!(passing.parts(&flat, 0.0019 * DVec3::NEG_Y, at(0.0)), 6);
-        assert_eq!(passing.parts(&flat, 0.1 * DVec3::NEG_Y, at(0.0)), MOST_PARTS);
-        assert_eq!(passing.parts(&flat, 0.0019 * DVec3::X, at(0.0)), 1);
-        assert_eq!(passing.parts(&tool(DQuat::from_rotation_z(1.5707963)), 0.0019 * DVec3::Y, at(0.0)), 1);
-        assert_eq!(passing.parts(&flat, 0.0019 * DVec3::NEG_Y, at(0.2)), 1);
+        assert_eq!(passing.parts(&flat, 0.0003 * DVec3::Y, false, at(0.0)), 1);
+        assert_eq!(passing.parts(&flat, 0.0019 * DVec3::NEG_Y, false, at(0.0)), 6);
+        assert_eq!(passing.parts(&flat, 0.0019 * DVec3::NEG_Y, true, at(0.0)), 4);
+        assert_eq!(passing.parts(&flat, 0.1 * DVec3::NEG_Y, false, at(0.0)), MOST_PARTS[1]);
+        assert_eq!(passing.parts(&flat, 0.0019 * DVec3::X, false, at(0.0)), 1);
+        assert_eq!(passing.parts(&tool(DQuat::from_rotation_z(1.5707963)), 0.0019 * DVec3::Y, false, at(0.0)), 1);
+        assert_eq!(passing.parts(&flat, 0.0019 * DVec3::NEG_Y, false, at(0.2)), 1);
         // Towards the body, which is then near at the end of the way.
-        assert_eq!(passing.parts(&flat, 0.1 * DVec3::Y, at(0.2)), MOST_PARTS);
+        assert_eq!(passing.parts(&flat, 0.1 * DVec3::Y, false, at(0.2)), MOST_PARTS[1]);
         assert!(passing.may_have_passed(&flat, 0.0011 * DVec3::Y, at(0.0)));
         assert!(!passing.may_have_passed(&flat, 0.0009 * DVec3::Y, at(0.0)));
         assert!(!passing.may_have_passed(&flat, 0.0011 * DVec3::Y, at(0.2)));
-        assert_eq!(passing.parts(&flat, DVec3::ZERO, at(0.0)), 1);
+        assert_eq!(passing.parts(&flat, DVec3::ZERO, false, at(0.0)), 1);
     }
 }

@@ -32,6 +32,9 @@ pub struct StepReport {
     pub nonlinear_residual: Option<f64>,
     /// Flags that tell what went wrong in the step; none is set if nothing did.
     pub flags: Flags,
+    /// Number of parts in which the step was done: 1, or more where the tool could have passed through a body unseen. The
+    /// wrench on the tool is that at the end of the last part.
+    pub parts: u32,
     /// Wall time of the step, from when the haptic device's pose is known until the contact wrench on the tool is
     /// known, microseconds.
     pub step_us: f64,

@@ -15,7 +15,7 @@ use crate::step::{ContactWrench, RigidState};
 use crate::{Error, Result};
 
 /// The first bytes of a saved state, with the version of its format.
-const MARK: [u8; 8] = *b"palpate6";
+const MARK: [u8; 8] = *b"palpate7";
 
 /// The state of a simulation: everything that moves.
 #[derive(Serialize, Deserialize)]
@@ -84,6 +84,7 @@ impl Simulation {
         }
         self.trajectory = state.trajectory;
         self.frames.restore(&state.frames);
+        self.tool_end = None;
         (self.last_wrench, self.last_iterations) = (state.wrench, state.iterations);
         self.needs = Needs::default();
         self.needs.note(state.iterations + 1);
@@ -104,6 +105,8 @@ impl Simulation {
             hash.update(bytemuck::bytes_of(&[x.to_bits(), y.to_bits(), z.to_bits(), *frame, *held]));
         });
         hash.update(bytemuck::cast_slice(&model.proxy_pairs));
+        let tested: Vec<u32> = model.pairs.iter().flat_map(|pair| [pair.lone_side, pair.by_triangles]).collect();
+        hash.update(bytemuck::cast_slice(&tested));
         let counts = [model.frames.len(), model.cores.len(), usize::from(self.tool.is_some())].map(|n| n as u64);
         hash.update(bytemuck::cast_slice(&counts));
         let sizes: Vec<u64> = self.stages.state().iter().map(|array| array.bytes()).collect();

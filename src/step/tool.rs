@@ -55,6 +55,20 @@ impl Tool {
         }
     }
 
+    /// Velocity at the end of an implicit Euler step of `h` seconds without contact, under the coupling to a haptic device.
+    /// If contact holds the tool (`is_pressed`), the spring to the device does not count, and the faster of both motions is
+    /// the answer.
+    pub fn free_velocity(&self, device: &RigidState, h: f64, is_pressed: bool) -> DVec3 {
+        let Some(coupling) = &self.coupling else { return self.velocity };
+        if is_pressed {
+            let is_faster = device.velocity.length_squared() > self.velocity.length_squared();
+            return if is_faster { device.velocity } else { self.velocity };
+        }
+        let (spring, damper) = (h * coupling.stiffness, h * coupling.damping);
+        let pull = spring * (device.position - self.centre) + damper * device.velocity;
+        (self.mass * self.velocity + pull) / (self.mass + damper + h * spring)
+    }
+
     /// The tool's rows for an implicit Euler step of `h` seconds, linearised about the state at its start. They contain
     /// inertia, gravity, gyroscopic torque, and the coupling to the pose and twist of the haptic device at the end of
     /// the step.

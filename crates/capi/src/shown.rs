@@ -50,24 +50,25 @@ unsafe impl Sized32 for palpate_skins {
     }
 }
 
-/// A contact of the last step: a vertex of one body's skin that lies inside another body.
+/// A contact of the last step: a vertex of one body's skin that lies inside another body, or the part of a triangle that
+/// does, where triangles are tested for contact (scene key `contact.samples`).
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct palpate_contact {
-    /// First the body to which the vertex belongs, then the body inside which it lies, both by their positions in the
-    /// scene, counted from 0; the tool is counted after the last body.
+    /// First the body to which the vertex or triangle belongs, then the body inside which it lies, both by their positions
+    /// in the scene, counted from 0; the tool is counted after the last body.
     pub body: [u32; 2],
-    /// Index of the vertex in its body's skin.
+    /// Index of the vertex in its body's skin; of a triangle, the corner nearest to its centre of pressure.
     pub vertex: u32,
     /// Reserved: always 0.
     pub reserved: u32,
-    /// World position of the vertex at the time of the call, m.
+    /// World position of the vertex, or of the triangle's centre of pressure, at the time of the call, m.
     pub position: [f64; 3],
     /// Contact normal: unit vector in world axes, outward from the body inside which the vertex lies.
     pub normal: [f64; 3],
-    /// Penetration depth along the normal, m.
+    /// Penetration depth along the normal, m; of a triangle, the mean over its part.
     pub depth: f64,
-    /// Area of the vertex's share of the skin, projected along the contact normal, m^2.
+    /// Area of the vertex's share of the skin, or of the triangle's part, projected along the contact normal, m^2.
     pub area: f64,
     /// Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the magnitude of the
     /// normal force of this contact; if one of the bodies is the tool, this force is a part of the net force in

@@ -59,7 +59,8 @@ pub struct palpate_wrench {
     /// Relative residual of the linear system at the end of the last solve.
     pub residual: f64,
     /// Number of contacts: vertices of one body's surface mesh that lie inside another body. Of two bodies that touch,
-    /// the vertices of both count, unless the scene's `contact.sides` is "one".
+    /// the vertices of both count, unless the scene's `contact.sides` is "one"; where triangles are tested for contact
+    /// (`contact.samples`), those of one body count instead.
     pub contacts: u32,
     /// Number of conjugate gradient iterations in all solves of the step.
     pub iterations: u32,

@@ -16,7 +16,8 @@ use palpate::{Flags, Options, Scene, Simulation, StepReport, Threads};
 mod likeness;
 
 /// The scenes of the gallery.
-const NAMES: [&str; 8] = ["cushion", "drag", "finger", "forearm", "gears", "lump", "pad-in-hand", "two-bodies"];
+const NAMES: [&str; 9] =
+    ["cushion", "drag", "finger", "forearm", "gears", "lump", "needle", "pad-in-hand", "two-bodies"];
 /// Greatest size of a file in the gallery or of a picture, bytes.
 const LARGEST: u64 = 150_000;
 /// Least ratio, in the scene `lump`, of the force on the tool above the hidden lump to the force beside the lump; 2.0

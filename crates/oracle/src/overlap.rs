@@ -24,9 +24,12 @@ pub struct Overlap {
 /// Cosine of the angle between a triangle's normal and the patch's below which the triangle is seen edge-on.
 const EDGE_ON: f64 = 0.001;
 
+/// Mean depth, in units of A's thickness, from which on what lies behind B counts less, and at which it does not count.
+const THIN: [f64; 2] = [0.8, 1.2];
+
 /// For each triangle of skin A: its overlap with skin B along the unit normal `normal`, which points from A to B. B must
 /// be convex. Triangles of A that face away from B have none. What lies behind B's far side is no overlap where A is thin,
-/// that is, where A's far side is nearer to the centre of pressure than the overlap's mean depth.
+/// that is, where A's far side is nearer to the centre of pressure than the overlap's mean depth; the change is smooth.
 pub fn overlaps(
     normal: DVec3,
     a_positions: &[DVec3],
@@ -69,8 +72,9 @@ pub fn overlaps(
             let centre = (sum.moment / sum.volume).truncate();
             let gaps = own.iter().filter(|q| behind > 0.0 && cosine(q) < -EDGE_ON && contains(q, centre));
             let gaps = gaps.map(|q| height(p, centre) - height(q, centre)).filter(|gap| *gap > 0.0);
-            let is_thin = gaps.fold(f64::INFINITY, f64::min) < sum.volume / sum.area;
-            let share = if is_thin { (1.0 - behind / sum.area).clamp(0.0, 1.0) } else { 1.0 };
+            let beyond = sum.volume / sum.area / gaps.fold(f64::INFINITY, f64::min);
+            let t = ((beyond - THIN[0]) / (THIN[1] - THIN[0])).clamp(0.0, 1.0);
+            let share = if sum.area > 0.0 { 1.0 - t * t * (3.0 - 2.0 * t) * (behind / sum.area).min(1.0) } else { 0.0 };
             let world = |m: DVec3| m.x * u + m.y * v + m.z * normal;
             Overlap {
                 area: share * sum.area,

@@ -491,7 +491,10 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
             let cells = vec![
                 cell("needle", pressed(Some(needle), None)),
                 cell("edge of a blade", pressed(Some(blade), None)),
-                cell("sphere on a sheet", pressed(None, Some(sheet))),
+                cell("sphere on a sheet", {
+                    let case = pressed(None, Some(sheet));
+                    Case { setup: Setup { attachment: Attachment::Side, ..case.setup.clone() }, ..case }
+                }),
             ];
             Axis { name: "tool", title: "Needle, edge, sheet", is_listed: true, cells }
         }

@@ -203,11 +203,16 @@ impl Observer {
         let device = row.tool.map(|told| self.device_now(&told));
         if let (Some(tool), Some(told), Some(device)) = (simulation.tool(), row.tool, device) {
             self.balance(tool, &told, &device, &mut sample);
+            if row.parts > 1 {
+                // The forces of the last part alone are known.
+                (sample.balance, self.tool_carried_residual) = (0.0, DVec3::ZERO);
+            }
         }
         let last = self.last_size.take();
-        // A step that was retried in parts reports its last part only, so that its linear system cannot be checked; nor
-        // can that of the last of several Newton iterations, which is linearised elsewhere than at the step's start.
-        if !row.flags.contains(Flags::STEP_RETRIED) && self.newton == 1 {
+        // A step that was done in parts, or retried in parts, reports its last part only, so that its linear system cannot
+        // be checked; nor can that of the last of several Newton iterations, which is linearised elsewhere than at the
+        // step's start.
+        if !row.flags.contains(Flags::STEP_RETRIED) && row.parts == 1 && self.newton == 1 {
             let pressing = self.skin.pressing(&contacts);
             let tool = simulation.tool().zip(device);
             self.touching_invariants(&pressing, tool, row.tool.as_ref(), &mut sample);

@@ -24,7 +24,7 @@ const fn figure(name: &'static str, file: &'static str, shots: &'static [Shot]) 
     Figure { name, file, scenes: SCENES, shots }
 }
 
-pub const GALLERY: [Figure; 8] = [
+pub const GALLERY: [Figure; 9] = [
     figure(
         "lump",
         "gallery-lump",
@@ -60,5 +60,10 @@ pub const GALLERY: [Figure; 8] = [
         "cushion",
         "gallery-cushion",
         &[one("cushion", 0.4, &[Overlay::Layer, Overlay::Displacement, Overlay::Arrows], [25.0, 18.0, 1.3], [0.0; 3])],
+    ),
+    figure(
+        "needle",
+        "gallery-needle",
+        &[one("needle", 0.4, &[Overlay::Displacement, Overlay::Arrows], [25.0, 25.0, 1.5], [0.0; 3])],
     ),
 ];

@@ -98,6 +98,7 @@ mod tests {
             residual: 3e-6,
             nonlinear_residual: None,
             flags: Flags::NOT_CONVERGED | Flags::FROZEN,
+            parts: 1,
             step_us: 812.3456,
             work: StepWork {
                 solves: 2,

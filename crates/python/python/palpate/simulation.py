@@ -62,7 +62,7 @@ class StepReport:
     device: Pose | None
     """Pose of the haptic device; ``None`` without a tool."""
     contact_count: int | None
-    """Number of contacts, which are skin vertices inside another body; ``None`` where nothing can collide."""
+    """Number of contacts, which are skin vertices or triangles in another body; ``None`` where nothing can collide."""
     max_depth: float | None
     """Greatest depth of a contact, m; ``None`` where nothing can collide."""
     iterations: int
@@ -118,7 +118,7 @@ class Session(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """The contacts of a step by columns: N skin vertices that lie inside another body."""
+    """The contacts of a step by columns: N skin vertices, or parts of triangles, that lie inside another body."""
 
     bodies: Indices
     """The body that the vertex belongs to, and the body that it touches, by index, shape (N, 2); the tool's index is the
