@@ -119,7 +119,7 @@ mod tests {
                 frames: vec![],
                 node_frames: vec![],
                 joints: vec![],
-                materials: vec![].into(),
+                materials: prepare::Materials { all: vec![], which: vec![] },
                 embedding: vec![],
                 skin,
                 proxies,

@@ -56,7 +56,7 @@ impl Passing {
     pub(super) fn parts(&self, tool: &Tool, way: DVec3, in_loop: bool, centre: impl Fn(usize) -> DVec3) -> u32 {
         let ratio = self.ratio(tool, way);
         // NaN counts as no way: the step itself reports it.
-        if !(ratio > SHARE) || !self.is_near(tool.centre, way, centre) {
+        if ratio.is_nan() || ratio <= SHARE || !self.is_near(tool.centre, way, centre) {
             return 1;
         }
         (ratio / SHARE).ceil().min(f64::from(MOST_PARTS[usize::from(!in_loop)])) as u32
@@ -119,7 +119,8 @@ mod tests {
         assert_eq!(passing.parts(&flat, 0.0019 * DVec3::NEG_Y, true, at(0.0)), 4);
         assert_eq!(passing.parts(&flat, 0.1 * DVec3::NEG_Y, false, at(0.0)), MOST_PARTS[1]);
         assert_eq!(passing.parts(&flat, 0.0019 * DVec3::X, false, at(0.0)), 1);
-        assert_eq!(passing.parts(&tool(DQuat::from_rotation_z(1.5707963)), 0.0019 * DVec3::Y, false, at(0.0)), 1);
+        let on_edge = tool(DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2));
+        assert_eq!(passing.parts(&on_edge, 0.0019 * DVec3::Y, false, at(0.0)), 1);
         assert_eq!(passing.parts(&flat, 0.0019 * DVec3::NEG_Y, false, at(0.2)), 1);
         // Towards the body, which is then near at the end of the way.
         assert_eq!(passing.parts(&flat, 0.1 * DVec3::Y, false, at(0.2)), MOST_PARTS[1]);

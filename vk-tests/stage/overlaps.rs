@@ -89,7 +89,7 @@ fn posed(case: &Case, depth: f64, random: &mut Random) -> (Body, Body) {
 }
 
 fn flow(body: &Body, tool: &Body, samples: Samples) -> Flow {
-    let mut flow = Flow::of(&[body.clone()], Some(tool), tool.position, Sides::Both, samples);
+    let mut flow = Flow::of(std::slice::from_ref(body), Some(tool), tool.position, Sides::Both, samples);
     flow.query(Path::Compute);
     flow.gather();
     flow
