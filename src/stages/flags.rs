@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn bits_are_those_of_the_design_and_names_follow_them() {
         let bits: Vec<u32> = Flags::ALL.iter().map(|(flag, _)| flag.0).collect();
-        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048]);
+        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096]);
         let set = Flags::FROZEN | Flags::NOT_CONVERGED;
         assert_eq!(set.names().collect::<Vec<_>>(), ["not_converged", "frozen"]);
         assert!(set.contains(Flags::FROZEN) && !set.contains(Flags::NON_FINITE));

@@ -604,7 +604,8 @@ typedef struct palpate_wrench {
     // Relative residual of the linear system at the end of the last solve.
     double residual;
     // Number of contacts: vertices of one body's surface mesh that lie inside another body. Of two bodies that touch,
-    // the vertices of both count, unless the scene's `contact.sides` is "one".
+    // the vertices of both count, unless the scene's `contact.sides` is "one"; where triangles are tested for contact
+    // (`contact.samples`), those of one body count instead.
     uint32_t contacts;
     // Number of conjugate gradient iterations in all solves of the step.
     uint32_t iterations;
@@ -702,22 +703,23 @@ typedef struct palpate_skins {
     uint64_t triangles;
 } palpate_skins;
 
-// A contact of the last step: a vertex of one body's skin that lies inside another body.
+// A contact of the last step: a vertex of one body's skin that lies inside another body, or the part of a triangle that
+// does, where triangles are tested for contact (scene key `contact.samples`).
 typedef struct palpate_contact {
-    // First the body to which the vertex belongs, then the body inside which it lies, both by their positions in the
-    // scene, counted from 0; the tool is counted after the last body.
+    // First the body to which the vertex or triangle belongs, then the body inside which it lies, both by their positions
+    // in the scene, counted from 0; the tool is counted after the last body.
     uint32_t body[2];
-    // Index of the vertex in its body's skin.
+    // Index of the vertex in its body's skin; of a triangle, the corner nearest to its centre of pressure.
     uint32_t vertex;
     // Reserved: always 0.
     uint32_t reserved;
-    // World position of the vertex at the time of the call, m.
+    // World position of the vertex, or of the triangle's centre of pressure, at the time of the call, m.
     double position[3];
     // Contact normal: unit vector in world axes, outward from the body inside which the vertex lies.
     double normal[3];
-    // Penetration depth along the normal, m.
+    // Penetration depth along the normal, m; of a triangle, the mean over its part.
     double depth;
-    // Area of the vertex's share of the skin, projected along the contact normal, m^2.
+    // Area of the vertex's share of the skin, or of the triangle's part, projected along the contact normal, m^2.
     double area;
     // Contact pressure along the normal at the end of the step, Pa. `pressure` times `area` is the magnitude of the
     // normal force of this contact; if one of the bodies is the tool, this force is a part of the net force in

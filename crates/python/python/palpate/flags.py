@@ -16,7 +16,7 @@ class Flags(IntFlag):
     contact_overflow = 4
     """There are more contacts than there is room for; the deepest are kept."""
     depth_beyond_limit = 8
-    """A vertex lies deeper in another body than ``contact.depth_limit``."""
+    """Skin lies deeper in another body than ``contact.depth_limit``."""
     not_a_height_field = 16
     """A skin folds over itself where it is touched, so the depth of contact is ambiguous."""
     non_finite = 32
