@@ -64,6 +64,6 @@ pub const GALLERY: [Figure; 9] = [
     figure(
         "needle",
         "gallery-needle",
-        &[one("needle", 0.4, &[Overlay::Displacement, Overlay::Arrows], [25.0, 25.0, 1.5], [0.0; 3])],
+        &[one("needle", 0.4, &[Overlay::Displacement, Overlay::Arrows], [25.0, 20.0, 0.8], [0.0, 0.008, 0.0])],
     ),
 ];
