@@ -17,6 +17,7 @@ use palpate::internal::stages::model::Model;
 use palpate::internal::stages::pose::Pose;
 use palpate::internal::stages::skin::Skin;
 use palpate::internal::step::frames::Frames;
+use palpate::scene::Samples;
 use palpate::{Flags, Scene, Simulation, StepReport};
 
 use crate::harness::random::Random;
@@ -128,7 +129,8 @@ struct Query {
 
 impl Query {
     fn new(bodies: &[Body], tool: &Body) -> Query {
-        let (context, scene) = (context(), Scene::empty("two bodies"));
+        let (context, mut scene) = (context(), Scene::empty("two bodies"));
+        scene.contact.samples = Samples::Vertices;
         let model = Model::new(&scene, bodies, Some(tool));
         let common = Common::new(context, &model).unwrap();
         let (elastic, pose) = (Elastic::new(context, &model).unwrap(), Pose::new(context, &model).unwrap());
