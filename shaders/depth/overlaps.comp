@@ -277,17 +277,22 @@ uvec2 work_items_of(Pair pair, uint side) {
 vec2 centre_of(uint l) { return sums[l].zw / sums[l].y; }
 
 // Finds how thick the own body is at the centres of pressure of triangles that lie behind the other body's far side.
-void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk chunk, Slab slab) {
+// Returns whether all rounds were done.
+bool measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk chunk, Slab slab) {
     uint lane = gl_LocalInvocationID.x;
     float sign = side == 0 ? 1.0 : -1.0;
     uvec2 range = work_items_of(pair, side);
+    uint due = range.y - range.x, done = 0;
     for (uint w = range.x; w < range.y; w++) {
+        done++;
         if (work_items[w].y != work_item.y) continue;
         ActiveChunk other = active_chunks[work_items[w].x];
         Slab bound = slab_of(other, work_item.y % PAIR_PATCHES);
         if (any(lessThan(bound.high, slab.low)) || any(greaterThan(bound.low, slab.high))) continue;
         uint behind_count = list_triangles(axes, chunks[other.chunk], 1 - side, slab.low, slab.high, true);
+        due += turns_of(chunk.triangle_count);
         for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
+            done++;
             if (behind[l] == 0.0) continue;
             uint at = chunk.triangle_first + l;
             uvec3 vertices;
@@ -295,7 +300,9 @@ void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
             corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], vertices, p);
             vec2 x = p[0].xy + centre_of(l);
             vec3 own = plane_of(p[0], cross(p[1] - p[0], p[2] - p[0]));
+            due += behind_count;
             for (uint k = 0; k < behind_count; k++) {
+                done++;
                 vec3 q[3];
                 for (uint c = 0; c < 3; c++) q[c] = vec3(other_places[3 * k + c], other_heights[3 * k + c]);
                 vec3 area = cross(q[1] - q[0], q[2] - q[0]);
@@ -310,6 +317,7 @@ void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
         }
         barrier();
     }
+    return done == due;
 }
 
 void main() {
@@ -386,7 +394,7 @@ void main() {
         else behind[l] = 0.0;
     }
     barrier();
-    if (any_behind != 0) measure_thickness(axes, work_item, pair, side, chunk, slab);
+    if (any_behind != 0 && !measure_thickness(axes, work_item, pair, side, chunk, slab)) due++;
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
         vec4 sum = sums[l];
         if (!(sum.y > 0.0)) continue;

@@ -63,11 +63,10 @@ void main() {
     vec3 corners[3];
     ivec2 first, last;
     // `due` and `done` count the triangles and cells that this lane has to visit and those that it visited: drivers may
-    // end loops early (docs/evidence/benchmarks.md, "Two traps"). No triangle is visited if one body is a half-space,
-    // which needs no rays, or if the vertices of the other body are not tested for contact.
+    // end loops early (docs/evidence/benchmarks.md, "Two traps"). No triangle is visited if no rays run from the vertices
+    // of the other body.
     Pair pair = pairs[entry.side / 2];
-    bool has_rays = pair.is_plane == 0 && pair.by_triangles == 0 && gathers(pair, other);
-    uint triangle_count = has_rays ? chunk.triangle_count : 0;
+    uint triangle_count = casts_rays(pair, other) ? chunk.triangle_count : 0;
     uint due = turns_of(triangle_count), done = 0;
     // Triangles that may be hit are listed first, so that no lane is idle for a triangle that cannot be hit.
     if (lane == 0) listed_count = large_count = 0;

@@ -41,8 +41,7 @@ void main() {
     uint t = gl_VertexIndex / 6;
     Pair pair = pairs[entry.side / 2];
     uint side = entry.side & 1, at = chunk.triangle_first + t;
-    bool has_rays = pair.is_plane == 0 && pair.by_triangles == 0 && gathers(pair, 1 - side);
-    if (t >= chunk.triangle_count || !has_rays) return;
+    if (t >= chunk.triangle_count || !casts_rays(pair, 1 - side)) return;
     uint triangle = fetch(chunk_triangles, at / 4)[at % 4];
     ivec2 first, last;
     bool any_covered = covered_cells(contact_patches[work_item.y], work_item.y, side, triangle, corners, first, last);

@@ -148,8 +148,11 @@ uint pair_proxy_of(Pair pair, uint s) {
     return s < a_count ? pair.first_pair_proxy[0] + s : pair.first_pair_proxy[1] + s - a_count;
 }
 
-// Whether the vertices of a side (0: a, 1: b) are tested for contact.
+// Whether the skin of a side (0: a, 1: b) is tested for contact.
 bool gathers(Pair pair, uint side) { return pair.lone_side == 0 || pair.lone_side == side + 1; }
+
+// Whether rays run from the vertices of a side (0: a, 1: b) to the triangles of the other.
+bool casts_rays(Pair pair, uint side) { return pair.is_plane == 0 && pair.by_triangles == 0 && gathers(pair, side); }
 
 // A convex collision proxy: a hull that moves with a frame and covers part of a skin.
 struct Proxy {
@@ -242,7 +245,8 @@ struct Counts {
 };
 
 // A contact: one colliding skin vertex. Where triangles are tested for contact, the overlap of one triangle is kept as a
-// contact of the other body's vertex with that triangle. Its point s1 on body a and its point s2 on body b move at v1 and v2.
+// contact of the other body's vertex with that triangle. The contact's point s1 on body a moves at v1, its point s2 on
+// body b at v2.
 struct Contact {
     vec3 normal;                // unit, from a to b
     float area;                 // area projected along the normal, halved where vertices of both sides are tested, m^2

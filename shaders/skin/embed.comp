@@ -85,7 +85,7 @@ void main() {
     barrier();
     Pair pair = pairs[entry.side / 2];
     uint side = entry.side & 1, work_item = entry.first_work_item;
-    if (pair.is_plane != 0 || pair.by_triangles != 0 || !gathers(pair, side)) return;
+    if (!casts_rays(pair, side)) return;
     for (uint r = 0; r < PAIR_PATCHES; r++) {
         if ((entry.contact_patches & (1u << r)) == 0) continue;
         uint patch_index = (entry.side / 2) * PAIR_PATCHES + r, patch_side = 2 * patch_index + side;

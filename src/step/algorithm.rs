@@ -167,8 +167,9 @@ impl Simulation {
         };
         let device = self.trajectory.device(from + h, h);
         let is_pressed = self.last_wrench.is_some_and(|wrench| wrench.wrench.force != DVec3::ZERO);
-        let way = h * tool.free_velocity(&device, h, is_pressed);
-        let parts = passing.parts(tool, way, self.is_in_haptic_loop(), |frame| self.frames.place(frame).centre);
+        let displacement = h * tool.free_velocity(&device, h, is_pressed);
+        let parts =
+            passing.parts(tool, displacement, self.is_in_haptic_loop(), |frame| self.frames.place(frame).centre);
         self.last_parts = parts;
         let part = h / f64::from(parts);
         let mut all: Option<Report> = None;
@@ -178,8 +179,8 @@ impl Simulation {
             if let (Some(passing), Some(tool)) = (&self.passing, &self.tool) {
                 self.tool_end = Some(tool.centre);
                 // From the end of the last step on, since a haptic loop moves the tool between steps.
-                let way = tool.centre - before;
-                if passing.may_have_passed(tool, way, |frame| self.frames.place(frame).centre) {
+                let displacement = tool.centre - before;
+                if passing.may_have_passed(tool, displacement, |frame| self.frames.place(frame).centre) {
                     report.flags |= Flags::MOVED_TOO_FAR.0;
                 }
             }

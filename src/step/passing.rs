@@ -1,14 +1,15 @@
-//! Keeps a rigid tool from passing through a body between two looks at contact. Contact is looked for once a step, at
-//! its start, so a tool that moves further than its own extent may come out behind a thin body unseen. A step in which
-//! that could happen is done in several shorter ones; if the tool still moves too far in one of these, a flag says so.
+//! Keeps a rigid tool from tunnelling, that is, from passing through a body between two searches for contact. Contact is
+//! searched for at the start of a step, so a tool that moves further than its own extent may come out behind a thin body
+//! without a contact. A step in which that could happen is done in several shorter ones; if the tool still moves too far
+//! in one of these, a flag says so.
 
 use glam::DVec3;
 
 use crate::stages::model::Model;
 use crate::step::tool::Tool;
 
-/// Greatest way of the tool in a part of a step, as a share of the tool's extent along it. Then most of the tool is still
-/// in front of a sheet when contact with it is found.
+/// Greatest displacement of the tool in a part of a step, as a share of the tool's extent along it. Then most of the tool is
+/// still in front of a sheet when contact with it is found.
 const SHARE: f64 = 1.0 / 3.0;
 /// Greatest number of parts of a step; in a haptic loop, where each part costs real time, and otherwise.
 const MOST_PARTS: [u32; 2] = [4, 16];
@@ -47,43 +48,48 @@ impl Passing {
                 }
             }
         }
-        let radius = hull.iter().map(|x| x.length()).fold(0.0, f64::max);
-        (!hull.is_empty() && !reaches.is_empty()).then_some(Passing { hull, radius, reaches })
+        (!hull.is_empty() && !reaches.is_empty()).then_some(Passing { hull, radius: model.tool_radius, reaches })
     }
 
-    /// Number of parts in which a step is to be done that moves the tool by about `way` (m, world axes). `centre` gives
+    /// Number of parts in which a step is to be done that moves the tool by about `displacement` (m, world axes). `centre` gives
     /// the world position of a frame's centre; `in_loop`: whether the step is one of a haptic loop.
-    pub(super) fn parts(&self, tool: &Tool, way: DVec3, in_loop: bool, centre: impl Fn(usize) -> DVec3) -> u32 {
-        let ratio = self.ratio(tool, way);
-        // NaN counts as no way: the step itself reports it.
-        if ratio.is_nan() || ratio <= SHARE || !self.is_near(tool.centre, way, centre) {
+    pub(super) fn parts(
+        &self,
+        tool: &Tool,
+        displacement: DVec3,
+        in_loop: bool,
+        centre: impl Fn(usize) -> DVec3,
+    ) -> u32 {
+        let ratio = self.ratio(tool, displacement);
+        // NaN counts as no displacement: the step itself reports it.
+        if ratio.is_nan() || ratio <= SHARE || !self.is_near(tool.centre, displacement, centre) {
             return 1;
         }
         (ratio / SHARE).ceil().min(f64::from(MOST_PARTS[usize::from(!in_loop)])) as u32
     }
 
-    /// Whether the tool, which moved by `way` (m) to where it is now, may have passed through a body.
-    pub(super) fn may_have_passed(&self, tool: &Tool, way: DVec3, centre: impl Fn(usize) -> DVec3) -> bool {
-        self.ratio(tool, way) > 1.0 && self.is_near(tool.centre, -way, centre)
+    /// Whether the tool, which moved by `displacement` (m) to where it is now, may have passed through a body.
+    pub(super) fn may_have_passed(&self, tool: &Tool, displacement: DVec3, centre: impl Fn(usize) -> DVec3) -> bool {
+        self.ratio(tool, displacement) > 1.0 && self.is_near(tool.centre, -displacement, centre)
     }
 
-    /// The length of a way, in units of the tool's extent along it.
-    fn ratio(&self, tool: &Tool, way: DVec3) -> f64 {
-        let Some(along) = (tool.orientation.conjugate() * way).try_normalize() else { return 0.0 };
+    /// The length of a displacement, in units of the tool's extent along it.
+    fn ratio(&self, tool: &Tool, displacement: DVec3) -> f64 {
+        let Some(along) = (tool.orientation.conjugate() * displacement).try_normalize() else { return 0.0 };
         let (low, high) = self.hull.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
             let height = x.dot(along);
             (low.min(height), high.max(height))
         });
         // A hull that is flat has no extent along its normal.
-        way.length() / (high - low).max(1e-3 * self.radius)
+        displacement.length() / (high - low).max(1e-3 * self.radius)
     }
 
-    /// Whether a tool that moves by `way` from `start` may meet a body.
-    fn is_near(&self, start: DVec3, way: DVec3, centre: impl Fn(usize) -> DVec3) -> bool {
+    /// Whether a tool that moves by `displacement` from `start` may meet a body.
+    fn is_near(&self, start: DVec3, displacement: DVec3, centre: impl Fn(usize) -> DVec3) -> bool {
         self.reaches.iter().any(|(frame, reach)| {
             let from = centre(*frame) - start;
-            let share = (from.dot(way) / way.length_squared()).clamp(0.0, 1.0);
-            from.distance(share * way) < reach + self.radius
+            let share = (from.dot(displacement) / displacement.length_squared()).clamp(0.0, 1.0);
+            from.distance(share * displacement) < reach + self.radius
         })
     }
 }
@@ -122,7 +128,7 @@ mod tests {
         let on_edge = tool(DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2));
         assert_eq!(passing.parts(&on_edge, 0.0019 * DVec3::Y, false, at(0.0)), 1);
         assert_eq!(passing.parts(&flat, 0.0019 * DVec3::NEG_Y, false, at(0.2)), 1);
-        // Towards the body, which is then near at the end of the way.
+        // Towards the body, which is then near at the end of the displacement.
         assert_eq!(passing.parts(&flat, 0.1 * DVec3::Y, false, at(0.2)), MOST_PARTS[1]);
         assert!(passing.may_have_passed(&flat, 0.0011 * DVec3::Y, at(0.0)));
         assert!(!passing.may_have_passed(&flat, 0.0009 * DVec3::Y, at(0.0)));

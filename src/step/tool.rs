@@ -174,3 +174,32 @@ pub fn gyroscopic_impulse(inertia: DMat3, w: DVec3, h: f64) -> DVec3 {
     // A body without extent has a zero inertia tensor, so that `slope` has no inverse; its gyroscopic torque is zero.
     if impulse.is_finite() { impulse } else { DVec3::ZERO }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_free_velocity_solves_the_implicit_step_under_the_coupling() {
+        let (stiffness, damping, h) = (800.0, 7.0, 4e-3);
+        let coupling = Some(Coupling { stiffness, damping, angular_stiffness: 0.0, angular_damping: 0.0 });
+        let device = RigidState {
+            velocity: DVec3::new(0.0, 0.5, 0.1),
+            ..RigidState::at_rest(DVec3::new(0.01, -0.02, 0.03), DQuat::IDENTITY)
+        };
+        let tool = Tool {
+            mass: 0.2,
+            inertia: DMat3::IDENTITY,
+            coupling,
+            centre: DVec3::new(0.02, 0.0, 0.0),
+            orientation: DQuat::IDENTITY,
+            velocity: DVec3::new(-0.3, 0.2, 0.0),
+            angular_velocity: DVec3::ZERO,
+        };
+        let end = tool.free_velocity(&device, h, false);
+        let pull = stiffness * (device.position - tool.centre - h * end) + damping * (device.velocity - end);
+        assert!((tool.mass * (end - tool.velocity) - h * pull).length() < 1e-15);
+        assert_eq!(tool.free_velocity(&device, h, true), device.velocity);
+        assert_eq!(Tool { coupling: None, ..tool.clone() }.free_velocity(&device, h, false), tool.velocity);
+    }
+}

@@ -11,6 +11,9 @@ use crate::scene::whole_step::{open, scene};
 /// 20 mm on, a cone that is driven on slowly is wrapped in folds of the sheet, which is flagged (depth_beyond_limit).
 const WAY: [f64; 2] = [0.02, 0.02];
 
+/// Flags that say that a body may have been passed: deeper than the limit; through a thin sheet; moved too far.
+const PASSED: u32 = 8 | 16 | 4096;
+
 /// A tool: its keys in a scene file, and the distances from its centre to its lowest and to its highest point, m.
 struct Tool {
     name: &'static str,
@@ -100,7 +103,7 @@ fn balls_and_cones_do_not_pass_through_sheets_unseen() {
                     if is_held { "held" } else { "free" }
                 );
                 println!("{what}: {}, flags {flags}", if is_through { "passed" } else { "stopped" });
-                assert!(!is_through || flags != 0, "{what}: the tool passed, and no flag was raised");
+                assert!(!is_through || flags & PASSED != 0, "{what}: the tool passed, and flags {flags} do not say so");
                 assert!(!is_through || thickness < 0.002 || speed > 2.0 || h > 1e-3, "{what}: the tool passed");
                 passed += usize::from(is_through);
             }

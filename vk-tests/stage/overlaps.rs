@@ -26,6 +26,11 @@ const AREA: f64 = 1e-3;
 /// longest edges.
 const VOLUME: f64 = 2e-5;
 const CENTRE: f64 = 2e-4;
+/// Tolerance of the greatest depth, m: places are known to some 1e-8 m, and a facet that is seen nearly edge-on, as the
+/// walls of a plate are, has a slope of up to a thousand.
+const DEEPEST: f64 = 1e-5;
+/// Flag of a step: more contacts, ray hits or overlaps than there is room for.
+const CONTACT_OVERFLOW: u32 = 4;
 /// Greatest error of the net force, and of the net torque: the contacts add up the same integrals as the oracle, of
 /// depths from 0.1 mm on that are known to some 1e-8 m, times the slope of facets that are nearly seen edge-on.
 const NET: f64 = 1e-3;
@@ -109,7 +114,7 @@ fn normal(flow: &Flow, r: usize) -> DVec3 {
 
 /// Compares the overlap of every triangle with f64, where the soft body is the first of the pair (`side` 0) or the second.
 /// Returns the number of triangles that overlap.
-fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 3], random: &mut Random) -> usize {
+fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 4], random: &mut Random) -> usize {
     let (body, tool) = posed(case, depth, random);
     let bodies = if side == 0 { [body.clone(), tool.clone()] } else { [tool.clone(), body.clone()] };
     let (sides, samples) = (Sides::Both, Samples::Triangles);
@@ -156,11 +161,15 @@ fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 3], random: &mu
             } else {
                 0.0
             };
-            for (worst, off) in worst.iter_mut().zip([off[0], off[1], centre]) {
+            let push = vector(&found.push).distance(want.push) / (area * edge);
+            for (worst, off) in worst.iter_mut().zip([off[0], off[1], centre, push]) {
                 *worst = worst.max(off.abs());
             }
+            // A triangle of which next to nothing overlaps may be missing, with its greatest depth.
+            let is_missed = found.volume == 0.0 && want.volume < VOLUME * area * edge;
+            let deepest = if is_missed { 0.0 } else { (f64::from(found.deepest) - want.deepest).abs() };
             assert!(
-                off[0].abs() < AREA && off[1].abs() < VOLUME && centre < CENTRE,
+                off[0].abs() < AREA && off[1].abs() < VOLUME && centre < CENTRE && push < VOLUME && deepest < DEEPEST,
                 "{}, {depth} m deep, side {side}, triangle {t}: {found:?} where {want:?} was expected; {off:?}, {centre}",
                 case.name
             );
@@ -173,7 +182,7 @@ fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 3], random: &mu
 #[test]
 fn every_triangle_overlaps_as_in_the_oracle() {
     let mut random = Random(91);
-    let (mut seen, mut worst) = (0, [0.0f64; 3]);
+    let (mut seen, mut worst) = (0, [0.0f64; 4]);
     for case in cases() {
         for depth in [2e-4, 1e-3, 3e-3, 5e-3] {
             for side in 0..2 {
@@ -181,7 +190,7 @@ fn every_triangle_overlaps_as_in_the_oracle() {
             }
         }
     }
-    println!("{seen} triangles overlap; errors of area, volume and centre at most {worst:?}");
+    println!("{seen} triangles overlap; errors of area, volume, centre and push at most {worst:?}");
     assert!(seen > 1000, "only {seen} triangles overlap");
     crate::harness::assert_clean(context(), "overlaps");
 }
@@ -199,7 +208,7 @@ fn a_thin_body_and_a_thin_tool_overlap_as_in_the_oracle() {
         cuboid(DVec3::new(0.01, 2e-4, 0.01), [1, 1, 1]),
         cuboid(DVec3::new(0.03, 0.02, 0.03), [15, 10, 15]),
     );
-    let mut worst = [0.0; 3];
+    let mut worst = [0.0; 4];
     for side in 0..2 {
         let mut count = |case: &Case, depth| compare(case, depth, side, &mut worst, &mut random);
         let within = [0.005, 0.012].map(|depth| count(&sheet, depth));
@@ -211,6 +220,24 @@ fn a_thin_body_and_a_thin_tool_overlap_as_in_the_oracle() {
         assert!(within.iter().all(|n| *n > 20) && plates.iter().all(|n| *n > 20) && behind[1] == 0);
     }
     crate::harness::assert_clean(context(), "thin overlaps");
+}
+
+#[test]
+fn more_overlaps_than_fit_are_flagged() {
+    let mut random = Random(94);
+    let (body, tool) = posed(&cases()[0], 3e-3, &mut random);
+    let flow_of = |most: usize| {
+        let mut flow =
+            Flow::of(std::slice::from_ref(&body), Some(&tool), tool.position, Sides::Both, Samples::Triangles);
+        flow.most_overlaps = most;
+        flow.query(Path::Compute);
+        let kept = flow.overlap_at.iter().filter(|place| **place != NONE).count();
+        (kept, flow.counts.flags & CONTACT_OVERFLOW)
+    };
+    let (all, flags) = flow_of(1 << 14);
+    assert!(all > 10 && flags == 0, "{all} overlaps, flags {flags}");
+    assert_eq!(flow_of(all), (all, 0));
+    assert_eq!(flow_of(all - 1), (all - 1, CONTACT_OVERFLOW));
 }
 
 /// Error of net force and torque of a flow's contacts, against f64 along the same normal: relative to the force, and to

@@ -17,6 +17,9 @@ pub struct Overlap {
     pub volume: f64,
     /// Integral of depth times world position on the triangle, m^4; divided by `volume`, the centre of pressure.
     pub moment: DVec3,
+    /// Integral of the depth times a unit normal out of A, m^3: of the mean of A's outward and B's inward normal, each
+    /// weighted by the fourth power of its cosine to the patch's normal.
+    pub push: DVec3,
     /// Greatest depth, m.
     pub deepest: f64,
 }
@@ -66,6 +69,8 @@ pub fn overlaps(
                     sum.area += part.area;
                     sum.volume += part.volume;
                     sum.moment += part.moment;
+                    let mean = cosine(p).powi(4) * unit(p) - faces.powi(4) * unit(q);
+                    sum.push += part.volume * mean.normalize();
                     sum.deepest = sum.deepest.max(part.deepest);
                 }
             }
@@ -80,15 +85,21 @@ pub fn overlaps(
                 area: share * sum.area,
                 volume: share * sum.volume,
                 moment: share * world(sum.moment),
+                push: share * world(sum.push),
                 deepest: sum.deepest,
             }
         })
         .collect()
 }
 
-/// Component along the normal of a triangle's unit normal.
-fn cosine([a, b, c]: &[DVec3; 3]) -> f64 {
-    (*b - *a).cross(*c - *a).normalize_or_zero().z
+/// Unit normal of a triangle.
+fn unit([a, b, c]: &[DVec3; 3]) -> DVec3 {
+    (*b - *a).cross(*c - *a).normalize_or_zero()
+}
+
+/// Component along the patch's normal of a triangle's unit normal.
+fn cosine(triangle: &[DVec3; 3]) -> f64 {
+    unit(triangle).z
 }
 
 /// Height of the plane through a triangle, given by coordinates along two tangents and the normal.
