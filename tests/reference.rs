@@ -46,14 +46,15 @@ fn page() -> String {
     }
     page += "\n## Profiles of devices\n\nThe names that `[haptics] profile` and the option `--profile` accept. Stiffness and damping are the \
              greatest that the device renders stably at 1 kHz.\n\n\
-             | profile | force, N | torque, N m | stiffness, N/m | damping, N s/m | radius of the workspace, m | senses rotation |\n\
-             | --- | --- | --- | --- | --- | --- | --- |\n";
+             | profile | force, N | torque, N m | stiffness, N/m | damping, N s/m | radius of the workspace, m | senses rotation | resolution, um |\n\
+             | --- | --- | --- | --- | --- | --- | --- | --- |\n";
     for p in PROFILES {
         let torque = if p.max_torque > 0.0 { p.max_torque.to_string() } else { "none".into() };
+        let resolution = p.resolution.map_or("not known".into(), |step| format!("{:.1}", 1e6 * step));
         let rotation = if p.senses_rotation { "yes" } else { "no" };
         writeln!(
             page,
-            "| `{}` | {} | {torque} | {} | {} | {} | {rotation} |",
+            "| `{}` | {} | {torque} | {} | {} | {} | {rotation} | {resolution} |",
             p.name, p.max_force, p.stiffness, p.damping, p.workspace
         )
         .unwrap();

@@ -241,7 +241,7 @@ void find_candidates(ActiveChunk entry, Chunk chunk, Pair pair) {
         candidate_hits[at] = vec4(depth, hit.yz, area);
         atomicOr(colliding[l / 32], 1u << l % 32);
         candidate_what[at] = uvec4(vertex, entry.side, triangle, 0);
-        candidate_normals[at] = vec4(normal, 0.0);
+        candidate_normals[at] = vec4(normal, 1.0);
         uint proxy_pair = NONE;
         if (pair.is_plane == 0) {
             uint other = active_chunks[work_items[opposing].x].pair_proxy;
@@ -283,7 +283,7 @@ void find_overlapping(ActiveChunk entry, Chunk chunk, Pair pair) {
             }
         }
         if (strongest == 0.0) continue;
-        float all = 0.0, area = 0.0, volume = 0.0;
+        float all = 0.0, area = 0.0, volume = 0.0, stiff_volume = 0.0;
         vec3 normal = vec3(0.0), push = vec3(0.0);
         for (uint r = 0; r < PAIR_PATCHES; r++) {
             float weight = weights[r] / strongest;
@@ -293,6 +293,7 @@ void find_overlapping(ActiveChunk entry, Chunk chunk, Pair pair) {
             all += weight;
             area += weight * found.area;
             volume += weight * found.volume;
+            stiff_volume += weight * found.stiffening * found.volume;
             push += weight * found.push;
             normal += weight * contact_patches[(entry.side / 2) * PAIR_PATCHES + r].normal;
         }
@@ -306,7 +307,7 @@ void find_overlapping(ActiveChunk entry, Chunk chunk, Pair pair) {
         candidate_hits[at] = vec4(volume / area, nearest.barycentric, area / all);
         // The contact counts as one of the other body's vertex on the triangle.
         candidate_what[at] = uvec4(nearest.vertex, entry.side ^ 1, fetch(chunk_triangles, t / 4)[t % 4], 0);
-        candidate_normals[at] = vec4(normalize(normal), 0.0);
+        candidate_normals[at] = vec4(normalize(normal), stiff_volume / volume);
         // The other side has one proxy.
         uint own = entry.pair_proxy - pair.first_pair_proxy[side_b ? 1 : 0];
         uint proxy_pair = pair.first_proxy_pair + own * (side_b ? 1 : pair.proxy_count[1]);

@@ -86,7 +86,9 @@ void main() {
     uvec4 what = fetch(candidate_what, source);
     uint vertex = what.x, side = what.y, triangle = what.z;
     Pair pair = pairs[side / 2];
-    vec3 n = fetch(candidate_normals, source).xyz;
+    vec4 direction = fetch(candidate_normals, source);
+    vec3 n = direction.xyz;
+    float stiffness = direction.w * pair.stiffness, damping = direction.w * pair.damping;
     float sign = (side & 1) != 0 ? -1.0 : 1.0;
     add(vertex, sign);
     if (triangle != NONE) {
@@ -151,13 +153,13 @@ void main() {
     float friction = 0.0;
     if (FRICTION) {
         slip = relative - dot(n, relative) * n;
-        float force = found.w * start_pressure(found.x, rate, pair.stiffness, pair.damping);
+        float force = found.w * start_pressure(found.x, rate, stiffness, damping);
         // The last step may have had another length, and its solution may have been rejected.
         bool is_known = solve.solution_dt > 0.0;
         change = is_known ? (params.dt / solve.solution_dt) * change : vec3(0.0);
         float predicted = predicted_slip(slip, change - dot(n, change) * n);
         friction = friction_coefficient(force, predicted, params.friction, params.friction_speed);
     }
-    contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, pair.stiffness, pair.damping, friction, slip, quads,
+    contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, stiffness, damping, friction, slip, quads,
         vertex, side, triangle, found.yz);
 }

@@ -15,7 +15,9 @@
 //     area = sum |A|,    volume = sum integral of d over A,    moment = sum integral of d x over A,
 //
 // with x the place in the patch's plane. So the net force of a penalty pressure k d is k volume, at the centre of
-// pressure moment / volume, exactly, however coarse or fine either skin is. A is convex, and the integrals over it are
+// pressure moment / volume, exactly, however coarse or fine either skin is. Where triangles of the other skin belong to a
+// tip or an edge, k is greater by their stiffening (src/stages/tips.rs); force and moment are then sums of these
+// products, and the overlap has the mean stiffening, weighted by volume. A is convex, and the integrals over it are
 // sums over the segments of its boundary, which lies on the edges of both triangles and the line where d is zero.
 // Triangles of the other skin that face away bound it on its far side. What lies behind them is outside the other body,
 // and is no contact if the other body is also behind the own far side, as it is under an overhang of the own body. If it
@@ -41,7 +43,7 @@ layout(scalar) readonly buffer PairProxyCounts { uvec2 pair_proxy_counts[]; };  
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES per chunk of a pair proxy
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-READ_ONLY(uvec4, triangles);            // three skin vertices
+READ_ONLY(uvec4, triangles);            // three skin vertices, stiffening (bits of a float)
 READ_ONLY(vec4, skin);
 layout(scalar) writeonly buffer Overlaps { Overlap overlaps[]; };
 layout(scalar) writeonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRIANGLES for each work item: overlap, or NONE
@@ -66,8 +68,10 @@ shared float other_reach[CHUNK_TRIANGLES];      // how far it reaches towards th
 shared uint other_vertex[CHUNK_TRIANGLES];
 shared uint is_kept[SIZE];
 shared uint any_behind;                     // whether any own triangle lies behind the other body's far side
+shared float other_stiffening[CHUNK_TRIANGLES];
 // The sums of the own triangles. A triangle is always handled by the same lane, so that these need no barrier.
-shared vec4 sums[CHUNK_TRIANGLES];          // area, volume, moment
+shared vec4 sums[CHUNK_TRIANGLES];          // area, volume, moment times stiffening
+shared float stiff_volumes[CHUNK_TRIANGLES];    // volume times stiffening, m^3
 shared vec4 pushes[CHUNK_TRIANGLES];        // push along the patch's axes, greatest depth
 shared uint vertex_met[CHUNK_TRIANGLES];    // vertex of the other skin where `greatest` is
 shared float behind[CHUNK_TRIANGLES];       // area behind the far side of the other body, m^2
@@ -75,10 +79,10 @@ shared float greatest[CHUNK_TRIANGLES];     // greatest volume with one triangle
 // Distance from the centre of pressure to the own far side along the normal, m.
 shared float thickness[CHUNK_TRIANGLES];
 
-// Corners of a triangle along the patch's axes, m.
-void corners_of(mat3 axes, uint triangle, out uvec3 vertices, out vec3 corners[3]) {
-    vertices = fetch(triangles, triangle).xyz;
-    for (uint k = 0; k < 3; k++) corners[k] = fetch(skin, vertices[k]).xyz * axes;
+// Corners of a triangle along the patch's axes, m. `found`: its element of `triangles`.
+void corners_of(mat3 axes, uint triangle, out uvec4 found, out vec3 corners[3]) {
+    found = fetch(triangles, triangle);
+    for (uint k = 0; k < 3; k++) corners[k] = fetch(skin, found[k]).xyz * axes;
 }
 
 float cross2(vec2 p, vec2 q) { return p.x * q.y - p.y * q.x; }
@@ -197,7 +201,9 @@ void add(uint l, uint k, vec3 p[3], vec2 base, vec3 own_area, float sign) {
         return;
     }
     found.volume = max(found.volume, 0.0);
-    sums[l] += vec4(found.area, found.volume, found.moment + found.volume * found.about);
+    float stiffening = other_stiffening[k];
+    sums[l] += vec4(found.area, found.volume, stiffening * (found.moment + found.volume * found.about));
+    stiff_volumes[l] += stiffening * found.volume;
     // The push goes along the normal of what faces the other: of a wall and a face that lies on it, along the face's.
     vec3 own = normalize(own_area), other = normalize(other_area);
     vec2 flat_share = vec2(own.z * own.z, other.z * other.z);
@@ -217,12 +223,12 @@ uint list_triangles(mat3 axes, Chunk chunk, uint side, vec2 low, vec2 high, bool
     for (uint first = 0; first < chunk.triangle_count; first += SIZE) {
         uint t = first + lane;
         bool keep = false;
-        uvec3 vertices;
+        uvec4 triangle;
         vec3 corners[3];
         vec4 box;
         if (t < chunk.triangle_count) {
             uint at = chunk.triangle_first + t;
-            corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], vertices, corners);
+            corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], triangle, corners);
             box = vec4(min(min(corners[0].xy, corners[1].xy), corners[2].xy),
                 max(max(corners[0].xy, corners[1].xy), corners[2].xy));
             vec3 area = cross(corners[1] - corners[0], corners[2] - corners[0]);
@@ -230,7 +236,7 @@ uint list_triangles(mat3 axes, Chunk chunk, uint side, vec2 low, vec2 high, bool
                 && abs(area.z) > EDGE_ON * length(area);
             // The chunk is of b where `side` is a: its triangles face a with normals against n.
             bool away = (side == 0) == (area.z > 0.0);
-            if (away) vertices.x |= AWAY;
+            if (away) triangle.x |= AWAY;
             keep = keep && (away || !away_alone);
         }
         is_kept[lane] = keep ? 1 : 0;
@@ -249,7 +255,8 @@ uint list_triangles(mat3 axes, Chunk chunk, uint side, vec2 low, vec2 high, bool
             vec3 heights = vec3(corners[0].z, corners[1].z, corners[2].z);
             float sign = side == 0 ? -1.0 : 1.0;
             other_reach[at] = max(sign * heights.x, max(sign * heights.y, sign * heights.z));
-            other_vertex[at] = vertices.x;
+            other_vertex[at] = triangle.x;
+            other_stiffening[at] = uintBitsToFloat(triangle.w);
         }
         barrier();
     }
@@ -274,7 +281,7 @@ uvec2 work_items_of(Pair pair, uint side) {
 }
 
 // The centre of pressure of own triangle `l` in the patch's plane, relative to its first corner.
-vec2 centre_of(uint l) { return sums[l].zw / sums[l].y; }
+vec2 centre_of(uint l) { return sums[l].zw / stiff_volumes[l]; }
 
 // Finds how thick the own body is at the centres of pressure of triangles that lie behind the other body's far side.
 // Returns whether all rounds were done.
@@ -295,9 +302,9 @@ bool measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
             done++;
             if (behind[l] == 0.0) continue;
             uint at = chunk.triangle_first + l;
-            uvec3 vertices;
+            uvec4 triangle;
             vec3 p[3];
-            corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], vertices, p);
+            corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], triangle, p);
             vec2 x = p[0].xy + centre_of(l);
             vec3 own = plane_of(p[0], cross(p[1] - p[0], p[2] - p[0]));
             due += behind_count;
@@ -339,7 +346,7 @@ void main() {
         done++;
         overlap_at[gl_WorkGroupID.x * CHUNK_TRIANGLES + l] = NONE;
         sums[l] = pushes[l] = vec4(0.0);
-        behind[l] = greatest[l] = 0.0;
+        stiff_volumes[l] = behind[l] = greatest[l] = 0.0;
         thickness[l] = 3.0e38;
         vertex_met[l] = 0;
     }
@@ -358,9 +365,9 @@ void main() {
         for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
             done++;
             uint at = chunk.triangle_first + l;
-            uvec3 vertices;
+            uvec4 triangle;
             vec3 p[3];
-            corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], vertices, p);
+            corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], triangle, p);
             vec2 base = p[0].xy;
             vec2 low = min(min(p[0].xy, p[1].xy), p[2].xy), high = max(max(p[0].xy, p[1].xy), p[2].xy);
             vec3 area = cross(p[1] - p[0], p[2] - p[0]);
@@ -404,9 +411,9 @@ void main() {
         if (share <= 0.0) continue;
         // The centre of pressure as weights of the own triangle's second and third corner.
         uint at = chunk.triangle_first + l;
-        uvec3 vertices;
+        uvec4 triangle;
         vec3 p[3];
-        corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], vertices, p);
+        corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], triangle, p);
         vec2 x = centre_of(l), second = p[1].xy - p[0].xy, third = p[2].xy - p[0].xy;
         vec2 weights = vec2(cross2(x, third), cross2(second, x)) / cross2(second, third);
         uint place = atomicAdd(counts.overlaps, 1);
@@ -417,7 +424,7 @@ void main() {
         }
         overlap_at[gl_WorkGroupID.x * CHUNK_TRIANGLES + l] = place;
         overlaps[place] = Overlap(share * sum.x, share * sum.y, weights,
-            share * (axes * pushes[l].xyz), pushes[l].w, vertex_met[l]);
+            share * (axes * pushes[l].xyz), pushes[l].w, stiff_volumes[l] / sum.y, vertex_met[l]);
     }
     if (done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
 }

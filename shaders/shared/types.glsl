@@ -197,6 +197,7 @@ struct Overlap {
     vec2 barycentric;           // weights of the triangle's second and third corner at the centre of pressure
     vec3 push;                  // integral of the depth times a unit normal out of the gathering skin, world axes, m^3
     float deepest;              // greatest depth, m
+    float stiffening;           // factor by which the contact is stiffer than the pair's contact stiffness
     uint vertex;                // a vertex of the triangle of the other skin with the greatest part of the volume
 };
 

@@ -14,6 +14,11 @@ use crate::scene::profile::Profile;
 const PUBLISHED_PERIOD: f64 = 1e-3;
 /// Safety factor: the share of a theoretical limit that is used.
 const MARGIN: f64 = 0.8;
+/// Greatest change of the force, N, that one encoder step may cause through the coupling's stiffness.
+const STEP_FORCE: f64 = 0.03;
+/// Greatest change of the force, N, that one encoder step may cause through the coupling's damping, if the velocity is
+/// that of a single period. It is estimated over many periods unless the device is fast, so that steps are felt less.
+const DAMPING_STEP_FORCE: f64 = 0.12;
 
 /// The chosen gains, and the reason for them.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +59,8 @@ pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -
 /// Chooses the gains from the device's profile, the period (s) and the delay of the force (s). The delay is 0 if a
 /// local contact model (a linear force law) follows the tool between simulation steps; otherwise the force of the last
 /// step is played (commanded to the device), and the delay is the age of that force. `asked` holds the scene's gains;
-/// those above a limit are lowered to the limit. `mass` (kg) and `inertia` (kg m^2) are the tool's; they scale the
+/// those above a limit are lowered to the limit. Stiffness and damping are low enough for the steps of the device's
+/// encoders not to be felt as jumps of the force, if the profile knows its resolution. `mass` (kg) and `inertia` (kg m^2) are the tool's; they scale the
 /// angular gains if the device plays no torque.
 pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f64, asked: Option<&Coupling>) -> Gains {
     let slower = (PUBLISHED_PERIOD / period).min(1.0);
@@ -64,7 +70,10 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
         let most = MARGIN * stiffest(b, virtual_damping, period, delay);
         ((stiffness * slower).min(most), virtual_damping)
     };
-    let (stiffness, damping) = axis(profile.stiffness, profile.damping);
+    let (stable, virtual_damping) = axis(profile.stiffness, profile.damping);
+    let step = profile.resolution.unwrap_or(0.0).max(f64::MIN_POSITIVE);
+    let stiffness = stable.min(STEP_FORCE / step);
+    let damping = virtual_damping.min(DAMPING_STEP_FORCE * period / step);
     let (angular_stiffness, angular_damping) = match profile.angular_stiffness > 0.0 {
         true => axis(profile.angular_stiffness, profile.angular_damping),
         // The device plays no torque, so these gains are not felt: they let the tool's rotation follow the device as
@@ -87,9 +96,13 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
         }
     };
     let Coupling { stiffness, damping, angular_stiffness, angular_damping } = coupling;
+    let coarse = match most.stiffness < stable || most.damping < virtual_damping {
+        true => format!(" and encoder steps of {:.1} um", 1e6 * step),
+        false => String::new(),
+    };
     let reason = format!(
         "coupling {stiffness:.0} N/m, {damping:.2} N s/m, {angular_stiffness:.3} N m/rad, {angular_damping:.4} N m s/rad \
-         ({origin}); limits of profile {} at {:.0} Hz with a force delay of {:.1} ms: {:.0} N/m, {:.2} N s/m",
+         ({origin}); limits of profile {} at {:.0} Hz with a force delay of {:.1} ms{coarse}: {:.0} N/m, {:.2} N s/m",
         profile.name,
         1.0 / period,
         1e3 * delay,

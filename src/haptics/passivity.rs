@@ -31,11 +31,13 @@ const ALLOWED_VARIATION: f64 = 0.25;
 /// The force variation counts up to this multiple of the greatest force, so that a force that keeps oscillating does
 /// not raise the allowance without bound.
 const MOST_VARIATION: f64 = 20.0;
-/// The quantum of a coarse encoder, m, assumed until a smaller change of a position is seen. A device that stays within
-/// one quantum of a place is at rest.
-const QUANTUM: f64 = 2e-5;
 /// The quantum of rotation, rad: a device that stays within this angle of an orientation is at rest.
 const ANGULAR_QUANTUM: f64 = 2e-4;
+/// Where the device would have to be damped by more than it renders stably, this part of the missing share of the force is
+/// also withheld in the following ticks, and comes back within [`RETURN`] seconds. If the force came back at once when
+/// the device turns round, force and motion would chatter, and the hand would receive energy at every turn.
+const WITHHELD: f64 = 0.1;
+const RETURN: f64 = 0.07;
 /// Part of the budget that survives the end of contact, J: a position that flickers by a quantum seems to take about
 /// this much energy from the hand and to give it back later, and until then the budget must remember the energy.
 const KEPT: f64 = 2e-5;
@@ -99,12 +101,15 @@ pub struct Passivity {
     /// Whether the pose at the last reading was more than a quantum away from the rest pose.
     has_moved: bool,
     played: Wrench,
-    /// The quantum of the encoders, m: the least change of a position seen so far.
+    /// The quantum of the encoders, m: the device's resolution, or the least change of a position seen so far if that is
+    /// less. A device that stays within one quantum of a place is at rest.
     quantum: f64,
     /// Sum of the magnitudes of all changes of the played force, N.
     variation: f64,
     /// The greatest force played, N.
     peak: f64,
+    /// Share of the wrench that is withheld because much energy was missing in the last ticks; see [`WITHHELD`].
+    withheld: f64,
 }
 
 /// What the controller did with one wrench.
@@ -121,8 +126,14 @@ pub struct Control {
 impl Passivity {
     /// Makes an observer, with a controller if `is_on`. The controller injects at most the given linear
     /// damping (N s/m) and angular damping (N m s/rad). `may_swing` means that the force stays that of the last
-    /// simulation step whatever the device does, so the force is no gradient of a potential.
-    pub fn new(is_on: bool, may_swing: bool, [most_damping, most_angular_damping]: [f64; 2]) -> Passivity {
+    /// simulation step whatever the device does, so the force is no gradient of a potential. `resolution`: that of the
+    /// device's positions, m.
+    pub fn new(
+        is_on: bool,
+        may_swing: bool,
+        [most_damping, most_angular_damping]: [f64; 2],
+        resolution: f64,
+    ) -> Passivity {
         Passivity {
             is_on,
             may_swing,
@@ -136,9 +147,10 @@ impl Passivity {
             rest: None,
             has_moved: false,
             played: Wrench::ZERO,
-            quantum: QUANTUM,
+            quantum: resolution,
             variation: 0.0,
             peak: 0.0,
+            withheld: 0.0,
         }
     }
 
@@ -236,7 +248,7 @@ impl Passivity {
 
     /// Damps the `wanted` wrench if it would give the hand more energy in the next `period` (s) than the budget holds.
     /// Only the deficit is removed, and never so much that the power changes its sign. A deficit below the work of the
-    /// force over one quantum is removed with at most the damping that the device renders stably (the bound times
+    /// force over one quantum, or over the motion that the hand's greatest acceleration adds in a tick, is removed with at most the damping that the device renders stably (the bound times
     /// `gain`, 0 to 1), and the rest waits for later ticks; a larger deficit is removed at once, up to the whole force
     /// along the motion. A force against the motion and any force on a device at rest are played unchanged, unless the
     /// force may oscillate (`may_swing`).
@@ -245,10 +257,14 @@ impl Passivity {
         if !self.is_on {
             return none;
         }
-        let carried = self.quantum_worth(wanted.force.length());
+        let unforeseen = 0.5 * QUICKEST * period * period;
+        let carried = self.quantum.max(unforeseen) * wanted.force.length();
         if self.may_swing {
             return self.shorten(wanted, device, period);
         }
+        self.withheld = (self.withheld - period / RETURN).max(0.0);
+        let wanted = Wrench { force: (1.0 - self.withheld) * wanted.force, torque: (1.0 - self.withheld) * wanted.torque };
+        let none = Control { wrench: wanted, ..none };
         if !self.has_moved {
             return none;
         }
@@ -273,6 +289,10 @@ impl Passivity {
             return none;
         }
         self.energy.damped += gone;
+        if damping > gain * self.most_damping {
+            let share = (gone / ((power[0] + power[1]) * period)).min(1.0);
+            self.withheld += WITHHELD * (1.0 - self.withheld) * share;
+        }
         let wrench = Wrench { force: wanted.force - damping * v, torque: wanted.torque - angular * w };
         Control { wrench, damping, is_limited: missing > gone * (1.0 + NEGLIGIBLE) }
     }
@@ -346,13 +366,13 @@ mod tests {
 
     #[test]
     fn a_late_spring_gives_energy_and_the_controller_takes_it() {
-        let mut without = Passivity::new(false, false, [10.0, 0.0]);
+        let mut without = Passivity::new(false, false, [10.0, 0.0], 2e-5);
         let free = press(&mut without, 1000.0, 0.01, 100);
         // Calculated by hand: the played force is 1.5 ticks old on average and so generates about 2 x 1.5 x k x depth x
         // step, J, where step is the displacement in a tick.
         assert!(free > 1e-3, "generated energy {free} J, expected more than 1 mJ");
         assert_eq!(without.energy().damped, 0.0);
-        let mut with = Passivity::new(true, false, [10.0, 0.0]);
+        let mut with = Passivity::new(true, false, [10.0, 0.0], 2e-5);
         let held = press(&mut with, 1000.0, 0.01, 100);
         // The force varies by 10 N up and 10 N down, at a quantum of 20 um.
         assert!(
@@ -365,7 +385,7 @@ mod tests {
 
     #[test]
     fn what_a_prompt_spring_gives_back_is_left_alone() {
-        let mut passivity = Passivity::new(true, false, [10.0, 0.0]);
+        let mut passivity = Passivity::new(true, false, [10.0, 0.0], 2e-5);
         for k in (0..100).chain((0..100).rev()) {
             let way = if k < 99 { 1.0 } else { -1.0 };
             let device = at(1e-4 * f64::from(k), 0.05 * way);
@@ -384,7 +404,7 @@ mod tests {
 
     #[test]
     fn a_force_at_rest_or_against_the_motion_is_played_whatever_the_budget() {
-        let mut passivity = Passivity::new(true, false, [10.0, 0.0]);
+        let mut passivity = Passivity::new(true, false, [10.0, 0.0], 2e-5);
         passivity.budget = -1.0;
         for x in [0.0, 2e-5, 0.0, 2e-5, 0.0] {
             passivity.observe(&at(x, 0.01));
@@ -419,7 +439,7 @@ mod tests {
 
     #[test]
     fn energy_that_enters_along_one_axis_may_leave_along_another() {
-        let mut passivity = Passivity::new(true, false, [1000.0, 0.0]);
+        let mut passivity = Passivity::new(true, false, [1000.0, 0.0], 2e-5);
         passivity.observe(&at(0.0, 0.0));
         passivity.play(push(-2.0));
         passivity.observe(&at(0.01, 0.0));
@@ -435,7 +455,7 @@ mod tests {
 
     #[test]
     fn what_is_lent_is_repaid_by_what_is_lost_and_a_loan_is_never_more_than_was_asked() {
-        let mut passivity = Passivity::new(true, false, [5.0, 0.0]);
+        let mut passivity = Passivity::new(true, false, [5.0, 0.0], 2e-5);
         for _ in 0..1000 {
             passivity.lend(0.01);
             assert!((passivity.surplus(0.01) - ALLOWANCE).abs() < 1e-12);

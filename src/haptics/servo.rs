@@ -25,8 +25,6 @@ use crate::step::{ContactWrench, DeviceInput, RigidState, Wrench};
 const LATE: f64 = 2e-3;
 /// Longest time that a tick may integrate over, in periods, even if the clock advanced by more.
 const LONGEST_TICK: f64 = 4.0;
-/// Position resolution of a coarse encoder, m.
-const ENCODER_STEP: f64 = 2e-5;
 /// Greatest change of the force that one encoder step may cause, through the coupling's stiffness or through its
 /// damping, N.
 const STEP_FORCE: f64 = 0.02;
@@ -64,6 +62,8 @@ pub struct Settings {
     pub trust: f64,
     /// Lever arm, m: a rotation of the tool counts as a displacement of its angle (rad) times this length.
     pub arm: f64,
+    /// Resolution of the device's positions (the step of its encoders), m.
+    pub resolution: f64,
 }
 
 /// Record of one tick.
@@ -141,7 +141,7 @@ impl Servo {
             gain: Gain::default(),
             last_gain: 0.0,
             guard: Guard::new(settings.limits),
-            passivity: Passivity::new(settings.passivity, !local_model, settings.most_damping),
+            passivity: Passivity::new(settings.passivity, !local_model, settings.most_damping, settings.resolution),
             index: 0,
             time: None,
             home: start.position,
@@ -274,7 +274,8 @@ impl Servo {
         let (stiffness, damping) = self.tool.coupling.map_or((0.0, 0.0), |c| (c.stiffness, c.damping));
         // Share of an encoder step that passes the filter, so that a stiffness (here `gain`, N/m) turns this share into
         // a force change of at most [`STEP_FORCE`].
-        let share = |gain: f64| (STEP_FORCE / (gain * ENCODER_STEP)).clamp(period / (period + LONGEST_SMOOTHING), 1.0);
+        let step = self.settings.resolution.max(f64::MIN_POSITIVE);
+        let share = |gain: f64| (STEP_FORCE / (gain * step)).clamp(period / (period + LONGEST_SMOOTHING), 1.0);
         let (of_position, of_velocity) = (share(stiffness), share(damping / period));
         let last = self.device;
         let velocity = last.velocity.lerp(device.velocity, of_velocity);

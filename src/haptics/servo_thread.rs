@@ -264,6 +264,7 @@ mod tests {
             most_damping: [5.0, 0.0],
             trust: 2e-3,
             arm: 6e-3,
+            resolution: 2e-5,
         };
         let told = Told::default();
         let device = Swinging { profile, told: told.clone(), readings: 0, panics_at };

@@ -142,7 +142,8 @@ pub fn hold(
     mut record: impl FnMut(Moment) -> Result<()>,
 ) -> Result<Report> {
     let mut notes = device.notes();
-    let profile = device.profile().clone();
+    let mut profile = device.profile().clone();
+    profile.resolution = haptics.resolution.or(profile.resolution);
     let (limits, refused) = Limits::new(&profile, &haptics.limits);
     for key in refused {
         notes.push(format!("haptics.{key} exceeds the limit of profile {}; the profile's limit is used", profile.name));
@@ -161,6 +162,7 @@ pub fn hold(
         most_damping: gains.most_damping,
         trust: haptics.trust,
         arm: (inertia / tool.mass).sqrt(),
+        resolution: profile.step(),
     };
     let tool = Tool { coupling: Some(gains.coupling), ..tool.clone() };
     record(Moment::Begin(&settings, &tool))?;

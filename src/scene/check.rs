@@ -147,6 +147,12 @@ pub fn rate(rate: f64) -> Check {
     if (low..=high).contains(&rate) { Ok(()) } else { Err(is(rate, format!("give {low:?} to {high:?} Hz"))) }
 }
 
+/// Checks the resolution of a haptic device's positions, m.
+pub fn resolution(resolution: f64) -> Check {
+    positive(resolution)?;
+    if resolution <= 0.01 { Ok(()) } else { Err(is(resolution, "give at most 0.01 m")) }
+}
+
 /// Checks an angle that limits a joint, rad.
 pub fn limit(angle: f64) -> Check {
     positive(angle)?;
@@ -346,6 +352,7 @@ impl Haptics {
     /// those of the service that connects to a Haply device, and those of the simulated hand.
     pub(crate) fn check(&self) -> Check {
         rate(self.rate).under("rate")?;
+        self.resolution.map_or(Ok(()), resolution).under("resolution")?;
         let limits = &self.limits;
         let limits = [
             ("max_force", limits.force),

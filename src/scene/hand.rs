@@ -28,7 +28,8 @@ pub struct HandParameters {
     /// Angular damping of wrist and device, relative to the angular velocity of the intended pose, N m s/rad; 0 to 10.
     pub angular_damping: f64,
     /// Resolution of the position that the device reads on each axis (orientation is exact), m; 0 (exact) to 0.01.
-    pub quantum: f64,
+    /// `None`: that of the device's profile.
+    pub quantum: Option<f64>,
     /// Time, s, between the command of a wrench (force and torque) to the device and the moment when it acts on the
     /// hand; a whole number of substeps from 0 to 1 s.
     pub delay: f64,
@@ -49,7 +50,7 @@ impl Default for HandParameters {
             inertia: 1e-3,
             angular_stiffness: 2.0,
             angular_damping: 0.04,
-            quantum: 2e-5,
+            quantum: None,
             delay: 0.0,
             substep: 1e-4,
         }
@@ -75,7 +76,7 @@ impl HandParameters {
             ("inertia", self.inertia, 1e-6, 1.0, "kg m^2"),
             ("angular_stiffness", self.angular_stiffness, 0.0, 1e3, "N m/rad"),
             ("angular_damping", self.angular_damping, 0.0, 10.0, "N m s/rad"),
-            ("quantum", self.quantum, 0.0, 0.01, "m"),
+            ("quantum", self.quantum.unwrap_or(0.0), 0.0, 0.01, "m"),
             ("delay", self.delay, 0.0, 1.0, "s"),
             ("substep", self.substep, 1e-5, 1e-3, "s"),
         ];

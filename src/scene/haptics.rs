@@ -34,6 +34,8 @@ pub struct Haptics {
     /// The profile of a simulated device; for a device made by Haply, a profile that lowers the device's own limits.
     /// `None`: the device's own profile.
     pub profile: Option<&'static Profile>,
+    /// Resolution of the device's positions (the step of its encoders), m. `None`: the profile's.
+    pub resolution: Option<f64>,
     /// Rate of the haptic loop, Hz.
     pub rate: f64,
     /// Limits that the scene sets below those of the profile.
@@ -136,6 +138,7 @@ impl Default for Haptics {
             has_device: false,
             device: DeviceKind::Scripted,
             profile: None,
+            resolution: None,
             rate: 1000.0,
             limits: Lowered::default(),
             local_model: true,
@@ -161,6 +164,7 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
         has_device: device != DeviceKind::Scripted,
         device,
         profile: table.option("profile", profile)?,
+        resolution: table.option("resolution", |value| value.ruled(check::resolution))?,
         rate: table.or("rate", default.rate, rate)?,
         limits: Lowered {
             force: limit("max_force")?,
@@ -215,12 +219,12 @@ fn hand(value: &Value) -> Result<HandParameters> {
         ("inertia", &mut hand.inertia),
         ("angular_stiffness", &mut hand.angular_stiffness),
         ("angular_damping", &mut hand.angular_damping),
-        ("quantum", &mut hand.quantum),
         ("delay", &mut hand.delay),
     ];
     for (key, place) in places {
         *place = table.or(key, *place, Value::not_negative)?;
     }
+    hand.quantum = table.option("quantum", Value::not_negative)?;
     hand.check().map_err(|problem| value.error(problem, "give a number in that range"))?;
     Ok(hand)
 }

@@ -1,7 +1,9 @@
-//! Profiles of haptic devices: limits (force, torque, stiffness, damping, workspace), and whether a device senses
-//! rotation. The values of real devices are those of CHAI3D (`cHapticDeviceInfo` of its drivers, version 3.2), except
-//! for [`MINVERSE`], which names its sources. Greatest stiffness and damping are what a device renders stably at 1 kHz,
-//! not what its mechanism has.
+//! Profiles of haptic devices: limits (force, torque, stiffness, damping, workspace), whether a device senses rotation,
+//! and the resolution of its positions. The limits of real devices are those of CHAI3D (`cHapticDeviceInfo` of its
+//! drivers, version 3.2), except for [`MINVERSE`], which names its sources. Greatest stiffness and damping are what a
+//! device renders stably at 1 kHz, not what its mechanism has. Resolutions are the nominal ones that makers state for
+//! the middle of the workspace (860 dots per inch for a Premium, 450 for a Touch, 400 for a Falcon), from general
+//! knowledge: the data sheets were not at hand. `palpate devices --calibrate` measures the resolution of one device.
 
 /// Limits and abilities of one haptic device.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,22 +26,28 @@ pub struct Profile {
     pub workspace: f64,
     /// Whether the device senses rotation.
     pub senses_rotation: bool,
+    /// Resolution of the positions that the device reads, which is the step of its encoders, m. `None`: it is not
+    /// known.
+    pub resolution: Option<f64>,
 }
 
 /// All built-in profiles. Two of them are not those of a haptic device: `scripted` is for poses that follow a script
 /// while nobody holds a device, and `mouse` is for a mouse.
 pub const PROFILES: [Profile; 10] = [
     profile("scripted", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true),
-    profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true),
-    profile("touch", [3.3, 0.0], [400.0, 4.0], [0.0, 0.0], 0.075, true),
-    profile("omega.x", [12.0, 0.0], [5000.0, 30.0], [0.0, 0.0], 0.075, false),
-    profile("delta.6", [20.0, 0.2], [5000.0, 30.0], [1.0, 0.0], 0.15, true),
-    profile("sigma.7", [12.0, 0.2], [4000.0, 30.0], [1.0, 0.07], 0.075, true),
-    profile("falcon", [8.0, 0.0], [3000.0, 20.0], [0.0, 0.0], 0.04, false),
+    profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true).of_resolution(3e-5),
+    profile("touch", [3.3, 0.0], [400.0, 4.0], [0.0, 0.0], 0.075, true).of_resolution(5.5e-5),
+    profile("omega.x", [12.0, 0.0], [5000.0, 30.0], [0.0, 0.0], 0.075, false).of_resolution(1e-5),
+    profile("delta.6", [20.0, 0.2], [5000.0, 30.0], [1.0, 0.0], 0.15, true).of_resolution(3e-5),
+    profile("sigma.7", [12.0, 0.2], [4000.0, 30.0], [1.0, 0.07], 0.075, true).of_resolution(1.5e-6),
+    profile("falcon", [8.0, 0.0], [3000.0, 20.0], [0.0, 0.0], 0.04, false).of_resolution(6.3e-5),
     INVERSE3,
     MINVERSE,
     MOUSE,
 ];
+
+/// Resolution that is assumed of a device whose resolution is not known, m.
+pub const ASSUMED_RESOLUTION: f64 = 2e-5;
 
 /// Profile of the Haply Inverse3.
 pub const INVERSE3: Profile = profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false);
@@ -80,10 +88,21 @@ const fn profile(
         angular_damping,
         workspace,
         senses_rotation,
+        resolution: None,
     }
 }
 
 impl Profile {
+    const fn of_resolution(mut self, resolution: f64) -> Profile {
+        self.resolution = Some(resolution);
+        self
+    }
+
+    /// Resolution of the device's positions, m; where it is not known, [`ASSUMED_RESOLUTION`].
+    pub fn step(&self) -> f64 {
+        self.resolution.unwrap_or(ASSUMED_RESOLUTION)
+    }
+
     /// The profile called `name`; `None` if there is no such profile.
     pub fn named(name: &str) -> Option<&'static Profile> {
         PROFILES.iter().find(|profile| profile.name == name)
@@ -112,12 +131,15 @@ impl Profile {
         ]
     }
 
-    /// Checks a profile that comes from outside the program: each limit must be finite and not negative, and the
-    /// workspace greater than zero.
+    /// Checks a profile that comes from outside the program: each limit must be finite and not negative, the workspace
+    /// greater than zero, and the resolution, if it is known, greater than zero and at most 0.01 m.
     ///
     /// # Errors
-    /// One line about the first limit that is not valid.
+    /// One line about the first value that is not valid.
     pub fn check(&self) -> Result<(), String> {
+        if let Some(resolution) = self.resolution.filter(|x| !(*x > 0.0 && *x <= 0.01)) {
+            return Err(format!("profile {}: resolution is {resolution}; give more than 0 and at most 0.01 m", self.name));
+        }
         let fits =
             |name: &str, figure: f64| figure.is_finite() && figure >= 0.0 && (figure > 0.0 || name != "workspace");
         match self.limits().into_iter().find(|&(name, figure)| !fits(name, figure)) {
@@ -202,6 +224,10 @@ mod tests {
                     assert_eq!(said.is_ok(), fits, "whether `check` accepts {name} = {figure}");
                     assert!(said.err().is_none_or(|line| line.contains(name) && !line.contains('\n')));
                 }
+            }
+            for resolution in [0.0, -1e-6, 0.011, f64::NAN, f64::INFINITY] {
+                let changed = Profile { resolution: Some(resolution), ..profile.clone() };
+                assert!(changed.check().is_err_and(|line| line.contains("resolution")), "{resolution} is accepted");
             }
         }
     }

@@ -558,6 +558,13 @@ pub const HAPTICS: TableKeys = TableKeys {
             "(the device's own)",
             "Limits and abilities of the device. For a Haply it may only lower the limits of the device itself.",
         ),
+        key(
+            "resolution",
+            "m, > 0, at most 0.01",
+            "(the profile's)",
+            "Step of the device's encoders, as `palpate devices --calibrate` measures it. The gains of the coupling follow \
+             it.",
+        ),
         key("rate", "Hz, 50 to 4000", "1000.0", "Force updates per second."),
         key(
             "max_force",
@@ -625,7 +632,7 @@ pub const HAND: TableKeys = TableKeys {
         key("inertia", "kg m^2, 1e-6 to 1", "0.001", "Moment of inertia of hand and mechanism."),
         key("angular_stiffness", "N m/rad, 0 to 1000", "2.0", "Angular stiffness of the wrist."),
         key("angular_damping", "N m s/rad, 0 to 10", "0.04", "Angular damping of wrist and mechanism."),
-        key("quantum", "m, 0 to 0.01", "2e-5", "Resolution of the encoder."),
+        key("quantum", "m, 0 to 0.01", "(the profile's)", "Resolution of the encoder."),
         key("delay", "s, 0 to 1", "0.0", "Time from a commanded wrench to its effect, a whole number of 0.1 ms."),
     ],
 };

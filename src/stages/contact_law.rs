@@ -83,7 +83,7 @@ fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
 }
 
 /// Mean edge length of a tetrahedral mesh, each edge counted once, m.
-fn mean_edge(layer: &Layer) -> f64 {
+pub fn mean_edge(layer: &Layer) -> f64 {
     let mut edges: Vec<[u32; 2]> = Vec::with_capacity(6 * layer.tetrahedra.len());
     for t in &layer.tetrahedra {
         for (i, k) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {

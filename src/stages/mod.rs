@@ -31,6 +31,7 @@ pub mod pose;
 mod samples;
 pub mod skin;
 pub mod solve;
+mod tips;
 pub mod touch;
 pub mod wrench;
 

@@ -178,7 +178,7 @@ pub struct Model {
     pub skin_weights: Vec<[f32; 4]>,
     /// Per skin vertex: rest area, m^2.
     pub skin_areas: Vec<f32>,
-    /// Per triangle: its three skin vertices, and a zero.
+    /// Per triangle: its three skin vertices, and its stiffening (`tips.rs`) as bits of an f32.
     pub triangles: Vec<[u32; 4]>,
     /// Per skin vertex: where its triangles begin in `fans`; at the end, the length of `fans`.
     pub fan_first: Vec<u32>,
@@ -402,7 +402,7 @@ impl Model {
         let mut fans = vec![Vec::new(); skin.vertices.len()];
         for (t, corners) in skin.triangles.iter().enumerate() {
             let [a, b, c] = corners.map(|v| v + vertex_first as u32);
-            self.triangles.push([a, b, c, 0]);
+            self.triangles.push([a, b, c, 1f32.to_bits()]);
             corners.iter().for_each(|v| fans[*v as usize].push(triangle_first + t as u32));
         }
         for (fan, area) in fans.iter().zip(&skin.areas) {

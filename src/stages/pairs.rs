@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use super::model::{Model, Plane};
-use super::{contact_law, samples as choice};
+use super::{contact_law, samples as choice, tips};
 use crate::prepare::{Body, FrameMotion, Shape};
 use crate::scene::{Samples, Scene, Sides};
 use crate::shaders::{NONE, Pair, PairProxy};
@@ -38,6 +38,10 @@ impl Model {
                 let law = contact_law::parameters(scene, [all[a], all[b]], all);
                 self.add_pair(all, (a, b), held, ranges, law, (scene.contact.sides, scene.contact.samples));
             }
+        }
+        // A stiffness that the scene gives is taken as it is.
+        if scene.contact.stiffness.is_none() {
+            self.stiffen_tips(all);
         }
         self.add_pair_proxies();
     }
@@ -138,6 +142,28 @@ impl Model {
         });
         self.pair_planes.push(plane);
         self.pair_bodies.push([a, b]);
+    }
+
+    /// Sets the stiffening of the triangles of each rigid body that a soft body's triangles are tested against. Of several
+    /// such soft bodies, the one with the smallest cells counts.
+    fn stiffen_tips(&mut self, all: &[&Body]) {
+        let mut cells = vec![f64::INFINITY; all.len()];
+        for (pair, bodies) in self.pairs.iter().zip(&self.pair_bodies).filter(|(pair, _)| pair.by_triangles != 0) {
+            let [own, other] = [0, 1].map(|k| bodies[(pair.lone_side as usize - 1) ^ k]);
+            if let Shape::Soft { layer, .. } = &all[own].shape {
+                cells[other] = cells[other].min(contact_law::mean_edge(layer));
+            }
+        }
+        let mut first = 0;
+        for (body, cell) in all.iter().zip(cells) {
+            let (Shape::Soft { skin, .. } | Shape::Rigid { skin, .. }) = &body.shape else { continue };
+            if cell.is_finite() {
+                for (triangle, stiffening) in self.triangles[first..].iter_mut().zip(tips::stiffening(skin, cell)) {
+                    triangle[3] = stiffening.to_bits();
+                }
+            }
+            first += skin.triangles.len();
+        }
     }
 
     /// Whether any two skins may meet; all other pairs are those of a skin and a half-space.

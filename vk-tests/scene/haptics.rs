@@ -78,6 +78,7 @@ fn press(deep: f64, until: f64, seconds: f64, adjust: impl FnOnce(&mut Settings)
         most_damping: gains.most_damping,
         trust: 2e-3,
         arm: (inertia / tool.mass).sqrt(),
+        resolution: profile.step(),
     };
     adjust(&mut settings);
     let start = tool.centre;
@@ -123,7 +124,7 @@ fn a_press_hold_and_release_gives_the_hand_no_energy() {
         let peak = session.ticks.iter().map(|tick| tick.played.force.length()).fold(0.0, f64::max);
         let changes = session.ticks.windows(2).map(|pair| (pair[1].played.force - pair[0].played.force).length());
         let variation: f64 = changes.sum();
-        let most = (HandParameters::default().quantum * (peak + 0.5 * variation)).max(1e-6);
+        let most = (Profile::named("delta.6").unwrap().step() * (peak + 0.5 * variation)).max(1e-6);
         let (seen, received) = (session.ticks.last().unwrap().energy.net(), session.hand.energy().received());
         let lent = session.ticks.iter().map(|tick| tick.energy.lent).fold(0.0, f64::max);
         println!(
@@ -167,6 +168,7 @@ fn follow(simulation: &mut Simulation, profile: &str, keys: &[Key], seconds: f64
         most_damping: gains.most_damping,
         trust: 2e-3,
         arm: (inertia / tool.mass).sqrt(),
+        resolution: profile.step(),
     };
     let mut servo = Servo::new(settings, Tool { coupling: Some(gains.coupling), ..tool });
     let mut device = Scripted::new(Trajectory::new(keys, keys[0]), profile.clone(), PERIOD);

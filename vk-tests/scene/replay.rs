@@ -39,6 +39,7 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
         most_damping: [30.0, 0.0],
         trust: 5e-3,
         arm: 0.02,
+        resolution: 2e-5,
     };
     let trajectory =
         Trajectory::new(&scene.trajectory, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });

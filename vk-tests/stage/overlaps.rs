@@ -29,6 +29,8 @@ const CENTRE: f64 = 2e-4;
 /// Tolerance of the greatest depth, m: places are known to some 1e-8 m, and a facet that is seen nearly edge-on, as the
 /// walls of a plate are, has a slope of up to a thousand.
 const DEEPEST: f64 = 1e-5;
+/// Tolerance of the stiffening, relative.
+const STIFFENING: f64 = 1e-2;
 /// Flag of a step: more contacts, ray hits or overlaps than there is room for.
 const CONTACT_OVERFLOW: u32 = 4;
 /// Greatest error of the net force, and of the net torque: the contacts add up the same integrals as the oracle, of
@@ -107,6 +109,26 @@ fn triangles(body: &Body) -> &[[u32; 3]] {
     }
 }
 
+/// The range of a flow's triangles that are the tool's: the first ones if `is_first`, else the last ones.
+fn of_tool(flow: &Flow, tool: &Body, is_first: bool) -> std::ops::Range<usize> {
+    let (all, own) = (flow.model.triangles.len(), triangles(tool).len());
+    if is_first { 0..own } else { all - own..all }
+}
+
+/// The stiffening of the tool's triangles.
+fn stiffening(flow: &Flow, tool: &Body, is_first: bool) -> Vec<f64> {
+    let triangles = &flow.model.triangles[of_tool(flow, tool, is_first)];
+    triangles.iter().map(|triangle| f64::from(f32::from_bits(triangle[3]))).collect()
+}
+
+/// Gives each of the tool's triangles a stiffening at random, from 1 to 16.
+fn stiffen(flow: &mut Flow, tool: &Body, is_first: bool, random: &mut Random) {
+    let range = of_tool(flow, tool, is_first);
+    for triangle in &mut flow.model.triangles[range] {
+        triangle[3] = (8.5 + 7.5 * random.next() as f32).to_bits();
+    }
+}
+
 /// The normal of the pair's contact patch, which points from the body to the tool.
 fn normal(flow: &Flow, r: usize) -> DVec3 {
     vector(&flow.contact_patches[r].normal).normalize()
@@ -125,6 +147,7 @@ fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 4], random: &mu
     for d in &mut flow.displacement {
         *d = (2e-4 * random.vector()).as_vec3().extend(0.0).to_array();
     }
+    stiffen(&mut flow, &tool, side == 1, random);
     flow.query(Path::Compute);
     let before = if side == 0 { 0 } else { triangles(&tool).len() as u32 };
     let own = positions(&flow, &body, side as usize, tool.position);
@@ -132,7 +155,14 @@ fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 4], random: &mu
     let mut seen = 0;
     for r in (0..PAIR_PATCHES).filter(|r| flow.contact_patches[*r].weight > 0.0) {
         let towards = if side == 0 { normal(&flow, r) } else { -normal(&flow, r) };
-        let want = overlap::overlaps(towards, &own, triangles(&body), &other, triangles(&tool));
+        let want = overlap::overlaps(
+            towards,
+            &own,
+            triangles(&body),
+            &other,
+            triangles(&tool),
+            &stiffening(&flow, &tool, side == 1),
+        );
         let mut found = vec![shaders::Overlap::default(); want.len()];
         for (w, [entry, at]) in flow.work_items.iter().take(flow.counts.work_items as usize).enumerate() {
             let entry = &flow.active_chunks[*entry as usize];
@@ -157,10 +187,12 @@ fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 4], random: &mu
             // Where the volume is all rounding, so is its centre.
             let centre = if want.volume > 1e-3 * area * edge {
                 let [second, third] = found.barycentric.map(f64::from);
-                (a + second * (b - a) + third * (c - a)).distance(want.moment / want.volume) / edge
+                (a + second * (b - a) + third * (c - a)).distance(want.moment / want.stiff_volume) / edge
             } else {
                 0.0
             };
+            let mean = want.stiff_volume / want.volume;
+            let stiffer = if want.volume > 1e-3 * area * edge { f64::from(found.stiffening) / mean - 1.0 } else { 0.0 };
             let push = vector(&found.push).distance(want.push) / (area * edge);
             for (worst, off) in worst.iter_mut().zip([off[0], off[1], centre, push]) {
                 *worst = worst.max(off.abs());
@@ -169,7 +201,7 @@ fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 4], random: &mu
             let is_missed = found.volume == 0.0 && want.volume < VOLUME * area * edge;
             let deepest = if is_missed { 0.0 } else { (f64::from(found.deepest) - want.deepest).abs() };
             assert!(
-                off[0].abs() < AREA && off[1].abs() < VOLUME && centre < CENTRE && push < VOLUME && deepest < DEEPEST,
+                off[0].abs() < AREA && off[1].abs() < VOLUME && centre < CENTRE && stiffer.abs() < STIFFENING && push < VOLUME && deepest < DEEPEST,
                 "{}, {depth} m deep, side {side}, triangle {t}: {found:?} where {want:?} was expected; {off:?}, {centre}",
                 case.name
             );
@@ -248,12 +280,20 @@ fn net_error(flow: &Flow, body: &Body, tool: &Body) -> Option<[f64; 2]> {
     }
     let n = normal(flow, 0);
     let [own, other] = [(body, 0), (tool, 1)].map(|(b, k)| positions(flow, b, k, tool.position));
-    let (volume, moment) = overlap::total(&overlap::overlaps(n, &own, triangles(body), &other, triangles(tool)));
+    let (volume, moment) = overlap::total(&overlap::overlaps(
+        n,
+        &own,
+        triangles(body),
+        &other,
+        triangles(tool),
+        &stiffening(flow, tool, false),
+    ));
     let centre = vector(&flow.params.tool_centre);
     let torque = (moment - volume * centre).cross(n);
     let (mut force, mut turned) = (0.0, DVec3::ZERO);
     for contact in &flow.contacts {
-        let push = f64::from(contact.area * contact.depth);
+        let pair = &flow.model.pairs[contact.side as usize / 2];
+        let push = f64::from(contact.stiffness / pair.stiffness * contact.area * contact.depth);
         force += push;
         turned += push * vector(&contact.arm).cross(n);
     }
@@ -262,11 +302,22 @@ fn net_error(flow: &Flow, body: &Body, tool: &Body) -> Option<[f64; 2]> {
 
 #[test]
 fn net_force_and_torque_are_those_of_the_exact_overlap() {
+    compare_net(12);
+}
+
+#[test]
+#[ignore = "a minute: more poses of the test above"]
+fn net_force_and_torque_are_those_of_the_exact_overlap_in_a_hundred_poses() {
+    compare_net(100);
+}
+
+/// Compares net force and torque in `poses` poses of each case.
+fn compare_net(poses: usize) {
     let mut random = Random(92);
     for case in cases() {
         let mut errors = [[0.0f64; 2]; 2];
         let mut several = 0;
-        for _ in 0..12 {
+        for _ in 0..poses {
             let (body, tool) = posed(&case, 1.5e-3 + 1e-3 * random.next(), &mut random);
             for (k, samples) in [Samples::Vertices, Samples::Triangles].into_iter().enumerate() {
                 let flow = flow(&body, &tool, samples);
@@ -278,13 +329,14 @@ fn net_force_and_torque_are_those_of_the_exact_overlap() {
         }
         println!(
             "{}: greatest error of force and torque {:.1e} and {:.1e} by triangles, {:.0} % and {:.0} % by vertices; {several} \
-             of 24 in several patches",
+             of {} in several patches",
             case.name,
             errors[1][0],
             errors[1][1],
             100.0 * errors[0][0],
-            100.0 * errors[0][1]
+            100.0 * errors[0][1],
+            2 * poses
         );
-        assert!(errors[1][0] < NET && errors[1][1] < NET && several < 12, "{}", case.name);
+        assert!(errors[1][0] < NET && errors[1][1] < NET && several < poses, "{}", case.name);
     }
 }

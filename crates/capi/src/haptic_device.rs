@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 use palpate::internal::haptics::velocity::AdaptiveWindow;
 use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::internal::step::trajectory::rotation_vector;
-use palpate::scene::Profile;
+use palpate::scene::{Haptics, Profile};
 use palpate::scene::profile::PROFILES;
 use palpate::{RigidState, Wrench};
 
@@ -17,9 +17,9 @@ use super::simulation::palpate_pose;
 use super::sized::{self, Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 
-/// Assumed resolution of a device with coarse encoders: of positions, m, and of angles, rad. The estimate of velocities
-/// that a device does not measure needs this bound on the error of a pose.
-const QUANTA: [f64; 2] = [2e-5, 5e-4];
+/// Assumed resolution of a device's angles, rad. The estimate of velocities that a device does not measure needs this
+/// bound on the error of a pose.
+const ANGULAR_RESOLUTION: f64 = 5e-4;
 
 /// State of a haptic device in world axes, as the callback `read` reports it. Before each call the library fills every
 /// field as described below; the callback overwrites the fields that it knows.
@@ -129,12 +129,12 @@ pub(super) struct Callbacks {
 unsafe impl Send for Callbacks {}
 
 impl Callbacks {
-    /// Checks the caller's struct `device`. `default` is the scene's profile, which is taken where the struct names no
-    /// profile.
+    /// Checks the caller's struct `device`. The profile of the scene's settings `haptics` is taken where the struct names
+    /// none.
     ///
     /// # Safety
     /// The conditions of the header for a `palpate_haptic_device` hold for `device`.
-    pub unsafe fn new(device: *const palpate_haptic_device, default: Option<&Profile>) -> Outcome<Callbacks> {
+    pub unsafe fn new(device: *const palpate_haptic_device, haptics: &Haptics) -> Outcome<Callbacks> {
         let null = |name: &str| Failure::new(palpate_status::Null, format!("{name} is null, but it is required"));
         if device.is_null() {
             return Err(null("device"));
@@ -149,7 +149,7 @@ impl Callbacks {
         let write = calls.write.ok_or_else(|| null("device.write"))?;
         let names = || PROFILES.map(|profile| profile.name).join(", ");
         let wrong = |what: String| Failure::new(palpate_status::Argument, format!("{what}; give one of {}", names()));
-        let profile = match (calls.profile.is_null(), default) {
+        let profile = match (calls.profile.is_null(), haptics.profile) {
             (true, Some(profile)) => profile,
             (true, None) => return Err(wrong("device.profile is null, and the scene has no haptics.profile".into())),
             (false, _) => {
@@ -158,7 +158,9 @@ impl Callbacks {
                 Profile::named(name).ok_or_else(|| wrong(format!("device.profile is `{name}`")))?
             }
         };
-        Ok(Callbacks { calls, read, write, profile: profile.clone(), motion: Motion::new() })
+        let profile = Profile { resolution: haptics.resolution.or(profile.resolution), ..profile.clone() };
+        let motion = Motion::new(profile.step());
+        Ok(Callbacks { calls, read, write, profile, motion })
     }
 
     /// Calls a callback with the caller's `user` and returns its result; meanwhile [`is_in_callback`] is true on this
@@ -243,8 +245,9 @@ struct Motion {
 }
 
 impl Motion {
-    fn new() -> Motion {
-        let [positions, turns] = QUANTA.map(AdaptiveWindow::new);
+    /// An estimator for positions of this resolution, m.
+    fn new(resolution: f64) -> Motion {
+        let [positions, turns] = [resolution, ANGULAR_RESOLUTION].map(AdaptiveWindow::new);
         Motion { positions, turns, turned: DVec3::ZERO, last: DQuat::IDENTITY }
     }
 
@@ -289,7 +292,7 @@ mod tests {
 
     #[test]
     fn velocities_that_are_not_measured_are_taken_from_poses_and_others_are_kept() {
-        let mut motion = Motion::new();
+        let mut motion = Motion::new(2e-5);
         let mut last = motion.completed(&reading(0.0, 0.0), 0.0);
         assert_eq!((last.state.velocity, last.buttons), (DVec3::ZERO, 3));
         for k in 1..40 {
@@ -305,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_reading_that_cannot_be_leaves_no_trace_in_the_velocities() {
-        let mut motion = Motion::new();
+        let mut motion = Motion::new(2e-5);
         motion.completed(&reading(0.0, 0.0), 0.0);
         let mut bad = reading(f64::NAN, 0.0);
         assert!(!motion.completed(&bad, 1e-3).state.is_valid());

@@ -180,7 +180,7 @@ pub unsafe extern "C" fn palpate_loop_start(
             let object = lent.lock();
             object.is_fit()?;
             let scene = object.simulation.scene();
-            let device = unsafe { Callbacks::new(device, scene.haptics.profile)? };
+            let device = unsafe { Callbacks::new(device, &scene.haptics)? };
             let missing =
                 || Failure::new(palpate_status::Input, "the scene has no tool for the haptic device; add a [tool]");
             let tool = object.simulation.tool().ok_or_else(missing)?.clone();

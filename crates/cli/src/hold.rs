@@ -21,10 +21,12 @@ use crate::signals::Stop;
 use crate::tell;
 
 /// The built-in profile (limits of a haptic device: force, workspace and so on) that the scene names; if it names none,
-/// the profile whose name is the argument `default`.
+/// the profile whose name is the argument `default`. The scene's resolution of the device, if any, takes the place of the
+/// profile's.
 fn profile_of(scene: &Scene, default: &str) -> Profile {
-    let profile = scene.haptics.profile.or_else(|| Profile::named(default));
-    profile.unwrap_or(&PROFILES[0]).clone()
+    let named = scene.haptics.profile.or_else(|| Profile::named(default));
+    let profile = named.unwrap_or(&PROFILES[0]).clone();
+    Profile { resolution: scene.haptics.resolution.or(profile.resolution), ..profile }
 }
 
 /// Sets the profile of the scene's haptic device by name, whatever profile the scene gives.

@@ -46,8 +46,16 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
     let tool = simulation.tool().unwrap().clone();
     let (limits, _) = Limits::new(Profile::named("scripted").unwrap(), &Lowered::default());
     let (local_model, passivity) = (true, true);
-    let settings =
-        Settings { period: 1e-3, limits, local_model, passivity, most_damping: [30.0, 0.0], trust: 5e-3, arm: 0.02 };
+    let settings = Settings {
+        period: 1e-3,
+        limits,
+        local_model,
+        passivity,
+        most_damping: [30.0, 0.0],
+        trust: 5e-3,
+        arm: 0.02,
+        resolution: 2e-5,
+    };
     let mut recording =
         Recording::create(&file, &Header::new(&loaded, &simulation, "scripted", "down").unwrap()).unwrap();
     recording.begin(&settings, &tool).unwrap();

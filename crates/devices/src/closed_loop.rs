@@ -50,6 +50,7 @@ fn make(profile: &Profile, stiffness: f64, adjust: impl FnOnce(&mut Settings)) -
         most_damping: gains.most_damping,
         trust: 2e-3,
         arm: 0.01,
+        resolution: profile.step(),
     };
     adjust(&mut settings);
     let wall = Wall { stiffness, damping: 0.0, tells_gap: true, tool: tool.clone(), steps: 0 };
@@ -146,7 +147,7 @@ fn a_press_and_release_gives_the_hand_no_energy() {
                 let peak = ticks.iter().map(|tick| tick.played.force.length()).fold(0.0, f64::max);
                 let changes = ticks.windows(2).map(|pair| (pair[1].played.force - pair[0].played.force).length());
                 let variation: f64 = changes.sum();
-                let most = (HandParameters::default().quantum * (peak + 0.5 * variation)).max(1e-6);
+                let most = (Profile::named(profile).unwrap().step() * (peak + 0.5 * variation)).max(1e-6);
                 let energy = ticks.last().unwrap().energy;
                 let (seen, received) = (energy.net(), hand.energy().received());
                 println!(

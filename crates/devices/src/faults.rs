@@ -67,6 +67,7 @@ fn making(profile: &str) -> Making {
         most_damping: gains.most_damping,
         trust: 2e-3,
         arm: 6e-3,
+        resolution: profile.step(),
     };
     Making { profile, settings, tool, wall: 1000.0 }
 }

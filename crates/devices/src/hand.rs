@@ -66,6 +66,8 @@ pub struct Hand {
     coming: VecDeque<(u64, Wrench)>,
     played: Wrench,
     window: AdaptiveWindow,
+    /// Resolution of the position that the device reads on each axis, m.
+    quantum: f64,
     energy: HandEnergy,
 }
 
@@ -78,6 +80,7 @@ impl Hand {
     pub fn new(parameters: HandParameters, intended: Trajectory, profile: Profile) -> Result<Hand, String> {
         parameters.check()?;
         let (position, orientation) = intended.pose(0.0);
+        let quantum = parameters.quantum.unwrap_or(profile.step());
         Ok(Hand {
             parameters,
             profile,
@@ -86,7 +89,8 @@ impl Hand {
             done: 0,
             coming: VecDeque::with_capacity(parameters.delay_substeps() as usize + 1),
             played: Wrench::ZERO,
-            window: AdaptiveWindow::new(parameters.quantum),
+            window: AdaptiveWindow::new(quantum),
+            quantum,
             energy: HandEnergy::default(),
         })
     }
@@ -157,7 +161,7 @@ impl Hand {
     /// Pose and twist as the device senses them: the position quantised by its encoders, the velocity estimated from
     /// quantised positions, and rotation only if the profile senses it.
     fn sensed(&mut self) -> RigidState {
-        let quantum = self.parameters.quantum;
+        let quantum = self.quantum;
         let mut sensed = self.state;
         if quantum > 0.0 {
             sensed.position = (sensed.position / quantum).round() * quantum;

@@ -12,6 +12,7 @@ pub mod mouse;
 pub mod record;
 pub mod replay;
 mod replayed;
+pub mod resolution;
 pub mod scripted;
 #[cfg(test)]
 mod steady;

@@ -124,6 +124,7 @@ impl Case {
             most_damping: gains.most_damping,
             trust: 2e-3,
             arm: 6e-3,
+            resolution: profile.step(),
         };
         let enough = if self.is_scripted { (2e-3 + 2.0 / self.stiffness).min(8e-3) } else { 0.012 };
         let depth = self.depth.unwrap_or(enough);
@@ -258,7 +259,7 @@ fn a_steady_force_is_played_as_it_is_and_the_controller_leaves_it_alone() {
                     "{name}: the passivity controller acts in a share of {} of all ticks",
                     came.acting()
                 );
-                let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
+                let quantum = if is_scripted { 0.0 } else { Profile::named(profile).unwrap().step() };
                 let (unpaid, most) = came.unpaid(quantum);
                 assert!(
                     unpaid <= most && came.greatest_loan() <= most,
@@ -297,7 +298,7 @@ fn slow_steps_do_not_mute() {
             let (force, _) = came.force();
             let still = came.at_rest();
             assert!((force / still - 1.0).abs() < WITHIN, "{name}: force {force} N, static force {still} N");
-            let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
+            let quantum = if is_scripted { 0.0 } else { Profile::named(profile).unwrap().step() };
             let (unpaid, most) = came.unpaid(quantum);
             assert!(unpaid <= most, "{name}: {unpaid} J unpaid, {most} J allowed");
             let loan = came.greatest_loan();
@@ -330,7 +331,7 @@ fn whatever_the_simulation_does_the_hand_gets_no_more_than_it_is_lent() {
                 let base = Case { profile, is_scripted, stiffness, rate, speed, tells_gap, ..SLOW };
                 let case = Case { late, stalls, far_end, ..base };
                 let came = case.run();
-                let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
+                let quantum = if is_scripted { 0.0 } else { Profile::named(profile).unwrap().step() };
                 let (unpaid, most) = came.unpaid(quantum);
                 assert!(
                     unpaid <= most,
@@ -374,7 +375,7 @@ fn a_kinematic_body_that_pushes_gives_a_tenth_of_a_watt() {
         // Only energy that was lent since the push began counts.
         let before = came.ticks.iter().filter(|tick| tick.time < 2.0).map(|tick| tick.energy.lent).fold(0.0, f64::max);
         let lent = came.greatest_loan() - before;
-        let quantum = if is_scripted { 0.0 } else { HandParameters::default().quantum };
+        let quantum = if is_scripted { 0.0 } else { Profile::named(profile).unwrap().step() };
         let (unpaid, most) = came.unpaid(quantum);
         assert!(
             unpaid <= most && lent <= 0.1 * 1.1,

@@ -15,7 +15,10 @@ pub struct Overlap {
     pub area: f64,
     /// Integral of the depth over that part, m^3.
     pub volume: f64,
-    /// Integral of depth times world position on the triangle, m^4; divided by `volume`, the centre of pressure.
+    /// Integral of depth times stiffening, m^3: the stiffening is that of the triangle of B.
+    pub stiff_volume: f64,
+    /// Integral of depth times stiffening times world position on the triangle, m^4; divided by `stiff_volume`, the centre
+    /// of pressure.
     pub moment: DVec3,
     /// Integral of the depth times a unit normal out of A, m^3: of the mean of A's outward and B's inward normal, each
     /// weighted by the fourth power of its cosine to the patch's normal.
@@ -31,7 +34,7 @@ const EDGE_ON: f64 = 0.001;
 const THIN: [f64; 2] = [0.8, 1.2];
 
 /// For each triangle of skin A: its overlap with skin B along the unit normal `normal`, which points from A to B. B must
-/// be convex. Triangles of A that face away from B have none. What lies behind B's far side is no overlap where A is thin,
+/// be convex; `stiffening` has a factor of the pressure for each of its triangles. Triangles of A that face away from B have none. What lies behind B's far side is no overlap where A is thin,
 /// that is, where A's far side is nearer to the centre of pressure than the overlap's mean depth; the change is smooth.
 pub fn overlaps(
     normal: DVec3,
@@ -39,6 +42,7 @@ pub fn overlaps(
     a_triangles: &[[u32; 3]],
     b_positions: &[DVec3],
     b_triangles: &[[u32; 3]],
+    stiffening: &[f64],
 ) -> Vec<Overlap> {
     let (u, v) = normal.any_orthonormal_pair();
     let flat = |x: DVec3| DVec3::new(u.dot(x), v.dot(x), normal.dot(x));
@@ -53,7 +57,7 @@ pub fn overlaps(
             }
             let mut sum = Overlap::default();
             let mut behind = 0.0;
-            for q in &other {
+            for (q, stiffening) in other.iter().zip(stiffening) {
                 let faces = -cosine(q);
                 let apart = (0..2).any(|k| {
                     let [low, high] = [f64::min, f64::max].map(|of| [p, q].map(|t| of(of(t[0][k], t[1][k]), t[2][k])));
@@ -68,13 +72,14 @@ pub fn overlaps(
                 } else {
                     sum.area += part.area;
                     sum.volume += part.volume;
-                    sum.moment += part.moment;
+                    sum.stiff_volume += stiffening * part.volume;
+                    sum.moment += *stiffening * part.moment;
                     let mean = cosine(p).powi(4) * unit(p) - faces.powi(4) * unit(q);
                     sum.push += part.volume * mean.normalize();
                     sum.deepest = sum.deepest.max(part.deepest);
                 }
             }
-            let centre = (sum.moment / sum.volume).truncate();
+            let centre = (sum.moment / sum.stiff_volume).truncate();
             let gaps = own.iter().filter(|q| behind > 0.0 && cosine(q) < -EDGE_ON && contains(q, centre));
             let gaps = gaps.map(|q| height(p, centre) - height(q, centre)).filter(|gap| *gap > 0.0);
             let beyond = sum.volume / sum.area / gaps.fold(f64::INFINITY, f64::min);
@@ -84,6 +89,7 @@ pub fn overlaps(
             Overlap {
                 area: share * sum.area,
                 volume: share * sum.volume,
+                stiff_volume: share * sum.stiff_volume,
                 moment: share * world(sum.moment),
                 push: share * world(sum.push),
                 deepest: sum.deepest,
@@ -159,7 +165,7 @@ fn clipped(polygon: &[DVec2], value: impl Fn(DVec2) -> f64) -> Vec<DVec2> {
 
 /// Volume (m^3) between the skins, and its first moment (m^4) at the places on A.
 pub fn total(overlaps: &[Overlap]) -> (f64, DVec3) {
-    overlaps.iter().fold((0.0, DVec3::ZERO), |(volume, moment), o| (volume + o.volume, moment + o.moment))
+    overlaps.iter().fold((0.0, DVec3::ZERO), |(volume, moment), o| (volume + o.stiff_volume, moment + o.moment))
 }
 
 #[cfg(test)]
@@ -194,7 +200,7 @@ mod tests {
         ];
         let faces = [[0, 1, 4, 2], [0, 2, 5, 3], [0, 3, 6, 1]];
         let b: Vec<[u32; 3]> = faces.iter().flat_map(|f: &[u32; 4]| [[f[0], f[2], f[1]], [f[0], f[3], f[2]]]).collect();
-        let found = overlaps(DVec3::Z, &a, &triangles, &vertices, &b);
+        let found = overlaps(DVec3::Z, &a, &triangles, &vertices, &b, &vec![1.0; b.len()]);
         let (volume, moment) = total(&found);
         let expected = 3f64.sqrt() / 2.0 * 1e-3;
         assert!((volume / expected - 1.0).abs() < 1e-9, "{volume} m^3 instead of {expected}");
@@ -212,14 +218,14 @@ mod tests {
         let (top, others) = square(-0.1, true);
         b_triangles.extend(others.iter().map(|t| t.map(|v| v + b.len() as u32)));
         b.extend(top);
-        let (volume, _) = total(&overlaps(DVec3::Z, &a, &triangles, &b, &b_triangles));
+        let (volume, _) = total(&overlaps(DVec3::Z, &a, &triangles, &b, &b_triangles, &vec![1.0; b_triangles.len()]));
         assert!((volume - 1.2).abs() < 1e-12, "a thick body: {volume} m^3");
         let (under, others) = square(-0.05, false);
         triangles.extend(others.iter().map(|t| t.map(|v| v + a.len() as u32)));
         a.extend(under);
-        assert_eq!(total(&overlaps(DVec3::Z, &a, &triangles, &b, &b_triangles)).0, 0.0);
+        assert_eq!(total(&overlaps(DVec3::Z, &a, &triangles, &b, &b_triangles, &vec![1.0; b_triangles.len()])).0, 0.0);
         b[4..].iter_mut().for_each(|x| x.z = 0.1);
-        let (volume, _) = total(&overlaps(DVec3::Z, &a, &triangles, &b, &b_triangles));
+        let (volume, _) = total(&overlaps(DVec3::Z, &a, &triangles, &b, &b_triangles, &vec![1.0; b_triangles.len()]));
         assert!((volume - 1.2).abs() < 1e-12);
     }
 }

@@ -17,15 +17,14 @@ use crate::{Section, Table};
 
 /// Text that says how the benchmark was measured.
 pub fn preface(_: &Value) -> String {
-    let HandParameters { mass, stiffness, damping, device_damping, friction, quantum, .. } = HandParameters::default();
+    let HandParameters { mass, stiffness, damping, device_damping, friction, .. } = HandParameters::default();
     format!(
         "The haptic loop ticks at 1 kHz with the gains that a session would choose for the device. A simulated hand \
          holds the device ({mass} kg; arm of {stiffness} N/m and {damping} N s/m; device of {device_damping} N s/m and \
-         {friction} N of friction; encoders of {:.0} um). Everything is simulated in virtual time, so that every \
+         {friction} N of friction; encoders of the profile's resolution). Everything is simulated in virtual time, so that every \
          run gives the same numbers. Against walls, the limit of oscillation is found with a hand that dissipates \
          little: the arm has {} N s/m, the device {} N s/m, without friction or encoders. Only the lateness of ticks is measured in real \
          time.",
-        1e6 * quantum,
         CRITICAL.damping,
         CRITICAL.device_damping
     )

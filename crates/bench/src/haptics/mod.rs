@@ -73,7 +73,7 @@ impl Settings {
             walls: vec![500.0, 2000.0],
             head_rates: vec![30.0, 50.0, 125.0],
             slide_rates: vec![40.0, 50.0],
-            slide_devices: vec!["touch", "premium", "sigma.7"],
+            slide_devices: vec!["touch", "premium", "sigma.7", "falcon", "omega.x", "delta.6", "inverse3", "minverse"],
             vertices: 44_000,
             cell: 0.018,
             jitter_seconds: 10.0,

@@ -70,7 +70,8 @@ impl Rig {
     /// its damping, with the velocity that the positions of two successive ticks give.
     pub fn quantum_forces(&self) -> [f64; 2] {
         let Coupling { stiffness, damping, .. } = self.coupling();
-        [self.hand.quantum * stiffness, self.hand.quantum * damping / PERIOD]
+        let quantum = self.hand.quantum.unwrap_or(self.profile.step());
+        [quantum * stiffness, quantum * damping / PERIOD]
     }
 
     /// Lets the hand follow keys (desired poses at given times) up to the last key, and returns all ticks. `tool` is
@@ -104,6 +105,7 @@ impl Rig {
             most_damping: self.gains().most_damping,
             trust: Haptics::default().trust,
             arm: (inertia() / MASS).sqrt(),
+            resolution: self.profile.step(),
         };
         let mut servo = Servo::new(settings, Tool { coupling: Some(self.coupling()), ..tool.clone() });
         let hand = Hand::new(self.hand, Trajectory::new(keys, *first), self.profile.clone());

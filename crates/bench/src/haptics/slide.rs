@@ -17,7 +17,7 @@ use super::rig::{Mode, PERIOD, Recorded, Rig, Spread, key, tool};
 use super::{Settings, profile};
 
 /// Speed of the slide, m/s.
-pub const SPEED: f64 = 0.02;
+pub const SPEED: f64 = 0.05;
 /// Length of the slide, which goes from the cheek upwards along y, m.
 pub const WAY: f64 = 0.03;
 /// A change of the force from one tick to the next is allowed up to this share of the force or up to [`ALLOWED`],

@@ -33,7 +33,7 @@ pub const CRITICAL: HandParameters = HandParameters {
     inertia: 1e-3,
     angular_stiffness: 2.0,
     angular_damping: 0.04,
-    quantum: 0.0,
+    quantum: Some(0.0),
     delay: 0.0,
     substep: 1e-4,
 };

@@ -19,7 +19,7 @@ const IDEAL: HandParameters = HandParameters {
     inertia: 1e-3,
     angular_stiffness: 2.0,
     angular_damping: 0.0,
-    quantum: 0.0,
+    quantum: Some(0.0),
     delay: 0.0,
     substep: 1e-4,
 };
@@ -78,7 +78,7 @@ fn a_free_swing_is_the_damped_oscillator() {
 
 #[test]
 fn a_constant_wrench_deflects_by_force_over_stiffness() {
-    let mut hand = hand(HandParameters { friction: 0.0, quantum: 0.0, ..Default::default() }, &[]);
+    let mut hand = hand(HandParameters { friction: 0.0, quantum: Some(0.0), ..Default::default() }, &[]);
     let wrench = Wrench { force: DVec3::new(3.0, -1.0, 0.5), torque: DVec3::new(0.0, 0.0, 0.3) };
     hand.read(0.0).unwrap();
     hand.write(&wrench).unwrap();
@@ -185,7 +185,7 @@ fn turning_about_many_axes_makes_no_energy() {
 
 #[test]
 fn with_damping_energy_only_falls() {
-    let mut hand = hand(HandParameters { quantum: 0.0, ..Default::default() }, &[]);
+    let mut hand = hand(HandParameters { quantum: Some(0.0), ..Default::default() }, &[]);
     hand.place(RigidState {
         velocity: DVec3::X * 0.3,
         ..RigidState::at_rest(DVec3::Y * 0.02, DQuat::from_rotation_x(0.3))
@@ -250,7 +250,7 @@ fn energy_received_is_the_integral_of_force_by_motion() {
 fn readings_are_quantised() {
     let keys = [key(0.0, DVec3::ZERO, DVec3::ZERO), key(1.0, DVec3::new(0.1, -0.03, 0.001), DVec3::ZERO)];
     let quantum = 1e-3;
-    let mut hand = hand(HandParameters { quantum, ..Default::default() }, &keys);
+    let mut hand = hand(HandParameters { quantum: Some(quantum), ..Default::default() }, &keys);
     for tick in 1..=1500 {
         let reading = hand.read(f64::from(tick) * TICK).unwrap();
         let steps = reading.state.position / quantum;
@@ -371,7 +371,7 @@ fn parameters_out_of_range_are_named() {
         refused(HandParameters { inertia: bad, ..good }, "inertia");
         refused(HandParameters { angular_stiffness: bad, ..good }, "angular_stiffness");
         refused(HandParameters { angular_damping: bad, ..good }, "angular_damping");
-        refused(HandParameters { quantum: bad, ..good }, "quantum");
+        refused(HandParameters { quantum: Some(bad), ..good }, "quantum");
         refused(HandParameters { delay: bad, ..good }, "delay");
         refused(HandParameters { substep: bad, ..good }, "substep");
     }

@@ -41,7 +41,7 @@ fn peaks(parameters: HandParameters, stiffness: f64, start: f64, seconds: usize)
 
 /// Parameters without friction and without encoder resolution, both of which the linear theory leaves out.
 fn linear(damping: f64, device_damping: f64, delay: f64) -> HandParameters {
-    HandParameters { damping, device_damping, delay, friction: 0.0, quantum: 0.0, ..Default::default() }
+    HandParameters { damping, device_damping, delay, friction: 0.0, quantum: Some(0.0), ..Default::default() }
 }
 
 /// Whether a disturbance grows. The hand starts a thousandth of the equilibrium depth away from equilibrium. The
