@@ -52,24 +52,28 @@ layout(scalar) writeonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRI
 // out.
 const float EDGE_ON = 0.001;
 const uint AWAY = 0x80000000u;          // marks, in `other_vertex`, a triangle that faces away
-const uint BATCH = 16;                  // triangles whose boxes are tested before those that meet are integrated
+const uint PAIRS = 64;                  // most pairs of triangles that are integrated at a time
 // Mean depth, in units of the own body's thickness, from which on what lies behind the other body counts less, and at
 // which it does not count at all.
 const vec2 THIN = vec2(0.8, 1.2);
 // How far rounding may move a point, as a share of its distance from the origin.
 const float ROUNDING = 2.0e-7;
 
-// The triangles of a chunk of the other skin: corners in the patch's plane and along its normal, box in the plane,
-// first vertex.
+// The triangles of a chunk of the other skin: corners in the patch's plane and along its normal, first vertex.
 shared vec2 other_places[3 * CHUNK_TRIANGLES];
 shared float other_heights[3 * CHUNK_TRIANGLES];
-shared vec4 other_boxes[CHUNK_TRIANGLES];
 shared float other_reach[CHUNK_TRIANGLES];      // how far it reaches towards the own skin, along the normal, m
 shared uint other_vertex[CHUNK_TRIANGLES];
 shared uint is_kept[SIZE];
+shared uint own_listed[CHUNK_TRIANGLES];    // own triangles that may overlap that chunk
 shared uint any_behind;                     // whether any own triangle lies behind the other body's far side
 shared float other_stiffening[CHUNK_TRIANGLES];
-// The sums of the own triangles. A triangle is always handled by the same lane, so that these need no barrier.
+// Pairs of an own triangle and one of the other chunk (own in the lower half, other in the upper half of a word), and
+// their integrals. All lanes integrate, whichever own triangles have pairs, and the own triangles' lanes add in order.
+shared uint listed[PAIRS];
+shared vec4 pair_sums[PAIRS];               // area, volume, moment
+shared vec4 pair_pushes[PAIRS];             // push along the patch's axes, greatest depth
+// The sums of the own triangles.
 shared vec4 sums[CHUNK_TRIANGLES];          // area, volume, moment times stiffening
 shared float stiff_volumes[CHUNK_TRIANGLES];    // volume times stiffening, m^3
 shared vec4 pushes[CHUNK_TRIANGLES];        // push along the patch's axes, greatest depth
@@ -182,36 +186,139 @@ Integrals overlap(vec2 p[3], vec2 q[3], vec3 depth, float rounding) {
     return sums;
 }
 
-// Adds the overlap of own triangle `l` with triangle `k` of the other chunk. `p`: own corners, relative to the first of
-// them in the patch's plane; `base`: that corner; `own_area`: twice the own area vector. `sign`: 1 if the own triangle
-// is of a, -1 if of b.
-void add(uint l, uint k, vec3 p[3], vec2 base, vec3 own_area, float sign) {
-    vec3 q[3];
+// Corners of own triangle `l`, relative to the first of them in the patch's plane, which is `base`.
+void relative_corners(mat3 axes, Chunk chunk, uint l, out vec3 p[3], out vec2 base) {
+    uint at = chunk.triangle_first + l;
+    uvec4 triangle;
+    corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], triangle, p);
+    base = p[0].xy;
+    for (uint c = 0; c < 3; c++) p[c].xy -= base;
+}
+
+// Integrates over the overlap of the pair in place `i` of the list. `sign`: 1 if the own triangle is of a, -1 if of b.
+void integrate(mat3 axes, Chunk chunk, uint i, float sign) {
+    uint l = listed[i] & 0xffffu, k = listed[i] >> 16;
+    vec3 p[3], q[3];
+    vec2 base;
+    relative_corners(axes, chunk, l, p, base);
     for (uint c = 0; c < 3; c++) q[c] = vec3(other_places[3 * k + c] - base, other_heights[3 * k + c]);
-    vec3 other_area = cross(q[1] - q[0], q[2] - q[0]);
+    vec3 own_area = cross(p[1] - p[0], p[2] - p[0]), other_area = cross(q[1] - q[0], q[2] - q[0]);
     vec3 depth = sign * (plane_of(p[0], own_area) - plane_of(q[0], other_area));
     bool is_turned = other_area.z < 0.0;
     vec2 own_corners[3] = vec2[](p[0].xy, sign < 0.0 ? p[2].xy : p[1].xy, sign < 0.0 ? p[1].xy : p[2].xy);
     vec2 other_corners[3] = vec2[](q[0].xy, is_turned ? q[2].xy : q[1].xy, is_turned ? q[1].xy : q[2].xy);
     float place = length(base) + length(p[1].xy) + length(p[2].xy);
     Integrals found = overlap(own_corners, other_corners, depth, ROUNDING * place);
-    if (!(found.area > 0.0)) return;
-    if ((other_vertex[k] & AWAY) != 0) {
-        behind[l] += found.area;
-        return;
-    }
     found.volume = max(found.volume, 0.0);
-    float stiffening = other_stiffening[k];
-    sums[l] += vec4(found.area, found.volume, stiffening * (found.moment + found.volume * found.about));
-    stiff_volumes[l] += stiffening * found.volume;
+    pair_sums[i] = vec4(found.area, found.volume, found.moment + found.volume * found.about);
     // The push goes along the normal of what faces the other: of a wall and a face that lies on it, along the face's.
     vec3 own = normalize(own_area), other = normalize(other_area);
     vec2 flat_share = vec2(own.z * own.z, other.z * other.z);
     vec3 mean = flat_share.x * flat_share.x * own - flat_share.y * flat_share.y * other;
-    pushes[l] = vec4(pushes[l].xyz + found.volume * normalize(mean), max(pushes[l].w, found.deepest));
-    if (found.volume > greatest[l]) {
-        greatest[l] = found.volume;
+    pair_pushes[i] = vec4(found.volume * normalize(mean), found.deepest);
+}
+
+// Adds the pair in place `i` of the list, which is of own triangle `l` and triangle `k` of the other chunk.
+void add(uint l, uint k, uint i) {
+    vec4 found = pair_sums[i], push = pair_pushes[i];
+    if (!(found.x > 0.0)) return;
+    if ((other_vertex[k] & AWAY) != 0) {
+        behind[l] += found.x;
+        return;
+    }
+    float stiffening = other_stiffening[k];
+    sums[l] += vec4(found.xy, stiffening * found.zw);
+    stiff_volumes[l] += stiffening * found.y;
+    pushes[l] = vec4(pushes[l].xyz + push.xyz, max(pushes[l].w, push.w));
+    if (found.y > greatest[l]) {
+        greatest[l] = found.y;
         vertex_met[l] = other_vertex[k];
+    }
+}
+
+// Box of own triangle `l` in the patch's plane. Returns how far the triangle reaches towards the other skin along the
+// normal, m; very far back if it does not face the other skin.
+float bound_own(mat3 axes, Chunk chunk, uint l, float sign, out vec2 low, out vec2 high) {
+    vec3 p[3];
+    vec2 base;
+    relative_corners(axes, chunk, l, p, base);
+    low = base + min(min(p[0].xy, p[1].xy), p[2].xy);
+    high = base + max(max(p[0].xy, p[1].xy), p[2].xy);
+    vec3 area = cross(p[1] - p[0], p[2] - p[0]);
+    if (!(sign * area.z > EDGE_ON * length(area))) return -3.0e38;
+    return max(sign * p[0].z, max(sign * p[1].z, sign * p[2].z));
+}
+
+// Lists the own triangles that may overlap a chunk of the other skin with these bounds, in their order, and returns their
+// number.
+uint list_own(mat3 axes, Chunk chunk, Slab bound, float sign) {
+    uint lane = gl_LocalInvocationID.x, count = 0;
+    for (uint first = 0; first < chunk.triangle_count; first += SIZE) {
+        uint l = first + lane;
+        bool keep = false;
+        if (l < chunk.triangle_count) {
+            vec2 low, high;
+            float reach = bound_own(axes, chunk, l, sign, low, high);
+            keep = reach >= sign * bound.extreme && all(lessThanEqual(low, bound.high))
+                && all(greaterThanEqual(high, bound.low));
+        }
+        is_kept[lane] = keep ? 1 : 0;
+        barrier();
+        uint at = count;
+        for (uint k = 0; k < SIZE; k++) {
+            if (k < lane) at += is_kept[k];
+            count += is_kept[k];
+        }
+        if (keep) own_listed[at] = l;
+        barrier();
+    }
+    return count;
+}
+
+// Which of the `others` listed triangles own triangle `l` may overlap, one bit for each, and their number.
+uint find_met(mat3 axes, Chunk chunk, uint l, uint others, float sign, out uint met[CHUNK_TRIANGLES / 32]) {
+    for (uint word = 0; word < CHUNK_TRIANGLES / 32; word++) met[word] = 0;
+    vec2 low, high;
+    float reach = bound_own(axes, chunk, l, sign, low, high);
+    uint count = 0;
+    for (uint word = 0; 32 * word < others; word++) {
+        uint bits = 0;
+        for (uint b = 0; b < 32; b++) {
+            uint k = 32 * word + b;
+            vec2 x = other_places[3 * k], y = other_places[3 * k + 1], z = other_places[3 * k + 2];
+            bool meets = k < others && all(lessThanEqual(min(min(x, y), z), high))
+                && all(greaterThanEqual(max(max(x, y), z), low)) && reach + other_reach[k] > 0.0;
+            bits |= meets ? 1u << b : 0u;
+        }
+        met[word] = bits;
+        count += bitCount(bits);
+    }
+    return count;
+}
+
+// The index of the next set bit, which is cleared.
+uint take(inout uint met[CHUNK_TRIANGLES / 32]) {
+    uint word = 0;
+    while (word < CHUNK_TRIANGLES / 32 - 1 && met[word] == 0) word++;
+    uint k = 32 * word + findLSB(met[word]);
+    met[word] &= met[word] - 1;
+    return k;
+}
+
+// Lists the `count` pairs of own triangle `l` with the triangles `met`, from place `first` on. Of all places of a round
+// only the first PAIRS are there; those below wrapped round.
+void list_pairs(uint l, uint met[CHUNK_TRIANGLES / 32], uint count, uint first) {
+    for (uint n = 0; n < count; n++) {
+        uint k = take(met);
+        if (first + n < PAIRS) listed[first + n] = l | k << 16;
+    }
+}
+
+// Adds the integrals of those of these pairs that are in the list.
+void add_pairs(uint l, uint met[CHUNK_TRIANGLES / 32], uint count, uint first) {
+    for (uint n = 0; n < count; n++) {
+        uint k = take(met);
+        if (first + n < PAIRS) add(l, k, first + n);
     }
 }
 
@@ -251,7 +358,6 @@ uint list_triangles(mat3 axes, Chunk chunk, uint side, vec2 low, vec2 high, bool
                 other_places[3 * at + c] = corners[c].xy;
                 other_heights[3 * at + c] = corners[c].z;
             }
-            other_boxes[at] = box;
             vec3 heights = vec3(corners[0].z, corners[1].z, corners[2].z);
             float sign = side == 0 ? -1.0 : 1.0;
             other_reach[at] = max(sign * heights.x, max(sign * heights.y, sign * heights.z));
@@ -360,40 +466,39 @@ void main() {
         Slab bound = slab_of(other, r);
         bool beside = any(lessThan(bound.high, slab.low)) || any(greaterThan(bound.low, slab.high));
         if (beside || sign * (slab.extreme - bound.extreme) < 0.0) continue;
+        uint owns = list_own(axes, chunk, bound, sign);
+        if (owns == 0) continue;
         uint others = list_triangles(axes, chunks[other.chunk], side, slab.low, slab.high, false);
-        due += turns_of(chunk.triangle_count);
-        for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
+        due += (owns + SIZE - 1) / SIZE;
+        for (uint first = 0; first < owns; first += SIZE) {
             done++;
-            uint at = chunk.triangle_first + l;
-            uvec4 triangle;
-            vec3 p[3];
-            corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], triangle, p);
-            vec2 base = p[0].xy;
-            vec2 low = min(min(p[0].xy, p[1].xy), p[2].xy), high = max(max(p[0].xy, p[1].xy), p[2].xy);
-            vec3 area = cross(p[1] - p[0], p[2] - p[0]);
-            if (!(sign * area.z > EDGE_ON * length(area))) continue;
-            for (uint c = 0; c < 3; c++) p[c].xy -= base;
-            float reach = max(sign * p[0].z, max(sign * p[1].z, sign * p[2].z));
-            // All lanes look for the triangles that they meet among the next BATCH before any of them integrates.
-            due += (others + BATCH - 1) / BATCH;
-            for (uint first = 0; first < others; first += BATCH) {
-                done++;
-                uint met = 0;
-                for (uint k = 0; k < BATCH; k++) {
-                    vec4 box = other_boxes[first + k];
-                    bool meets = first + k < others && all(lessThanEqual(box.xy, high))
-                        && all(greaterThanEqual(box.zw, low)) && reach + other_reach[first + k] > 0.0;
-                    met |= meets ? 1u << k : 0u;
-                }
-                while (met != 0) {
-                    add(l, first + findLSB(met), p, base, area, sign);
-                    met &= met - 1;
-                }
-                // The driver ended the loop early.
-                if (met != 0) due++;
+            uint l = 0, met[CHUNK_TRIANGLES / 32], count = 0;
+            if (first + lane < owns) {
+                l = own_listed[first + lane];
+                count = find_met(axes, chunk, l, others, sign, met);
             }
+            is_kept[lane] = count;
+            barrier();
+            uint begin = 0, all = 0;
+            for (uint k = 0; k < SIZE; k++) {
+                if (k < lane) begin += is_kept[k];
+                all += is_kept[k];
+            }
+            for (uint window = 0; window < all; window += PAIRS) {
+                uint size = min(PAIRS, all - window);
+                list_pairs(l, met, count, begin - window);
+                barrier();
+                due += turns_of(size);
+                for (uint i = lane; i < size; i += SIZE) {
+                    done++;
+                    integrate(axes, chunk, i, sign);
+                }
+                barrier();
+                add_pairs(l, met, count, begin - window);
+                barrier();
+            }
+            barrier();
         }
-        barrier();
     }
     barrier();
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {

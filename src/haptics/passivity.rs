@@ -418,6 +418,11 @@ mod tests {
             damped.wrench.force.x.abs() < 1e-12 && damped.is_limited,
             "the whole force along the motion must be removed: {damped:?}"
         );
+        // That takes 30 N s/m, more than the bound. A tenth of the force stays away for a while, also against the motion.
+        let fewer = |passivity: &mut Passivity| 1.0 + passivity.control(push(-3.0), &at(1e-3, 0.1), 1e-3, 1.0).wrench.force.x / 3.0;
+        assert!((fewer(&mut passivity) - (WITHHELD - 1e-3 / RETURN)).abs() < 1e-9);
+        (0..7).for_each(|_| assert!(fewer(&mut passivity) < WITHHELD));
+        assert_eq!(fewer(&mut passivity), 0.0);
         // A deficit below the work of the force over one quantum is damped within the bound of 10 N s/m: here with
         // 1.95 N s/m, which removes 0.195 N at 0.1 m/s.
         passivity.budget = 0.3e-3 - 2e-5;

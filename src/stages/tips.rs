@@ -103,10 +103,10 @@ mod tests {
         let [low, high] = range(cuboid(DVec3::new(0.00025, 0.01, 0.01)), DVec3::Y);
         let expected = 0.25 * std::f64::consts::PI * CELL / 5e-4;
         assert!((low / expected - 1.0).abs() < 0.05 && (high / low - 1.0).abs() < 0.02, "edge: {low} to {high}");
-        // A ball of 1 mm is cut at a depth of a twentieth of a cell in a circle.
+        // A ball of 1 mm, of facets as wide as a tenth of it, is cut at a depth of a twentieth of a cell in a circle.
         let [low, high] = range(sphere::icosphere(0.001), DVec3::Y);
         let expected = 0.25 * CELL * CELL / (2.0 * 0.001 * DEPTH * CELL - (DEPTH * CELL).powi(2));
-        assert!((low / expected - 1.0).abs() < 0.05 && (high / low - 1.0).abs() < 0.05, "ball: {low} to {high}");
+        assert!((low / expected - 1.0).abs() < 0.05 && (high / low - 1.0).abs() < 0.08, "ball: {low} to {high}");
         assert_eq!(range(sphere::icosphere(0.02), DVec3::Y), [1.0, 1.0]);
         // A point, which is far smaller than any cell.
         assert_eq!(range(sphere::icosphere(1e-5), DVec3::Y)[1], MOST);

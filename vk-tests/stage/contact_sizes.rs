@@ -72,7 +72,7 @@ fn candidates_of_any_number() {
             assert_eq!(what, &[3 * i as u32, 0, NONE, 0]);
             let area = f64::from(flow.model.skin_areas[3 * i]);
             expect_close("hit", hit, &[depth, 0.0, 0.0, area], CLOSE);
-            expect_close("normal", &flow.normals[i], &[0.0, -1.0, 0.0, 0.0], CLOSE);
+            expect_close("normal", &flow.normals[i], &[0.0, -1.0, 0.0, 1.0], CLOSE);
             expect_close("push", &flow.pushes[i][..3], &[0.0, -depth * area, 0.0], CLOSE);
             assert_eq!(flow.pushes[i][3].to_bits(), NONE, "a half-space has no pair of proxies");
         }
@@ -102,7 +102,7 @@ fn responses_of_any_number() {
         flow.hits = (0..count).map(hit).collect();
         let met = |i: usize| if i.is_multiple_of(2) { i as u32 / 2 } else { NONE };
         flow.what = (0..count).map(|i| [3 * i as u32, (i as u32 / 3) % 2, met(i), 0]).collect();
-        flow.normals = (0..count).map(|_| random.vector().normalize().as_vec3().extend(0.0).to_array()).collect();
+        flow.normals = (0..count).map(|_| random.vector().normalize().as_vec3().extend(1.0).to_array()).collect();
         flow.forget_entries(nodes);
         flow.list_candidates();
         assert_eq!(flow.counts.contacts as usize, n);
