@@ -179,7 +179,7 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
             slid.rate == 50.0 && slid.slide.raw.newtons > 0.0 && slid.slide.contact.newtons > 0.0,
             "wrong rate, or no change of force: {slid:?}"
         );
-        assert_eq!(slid.trace.len(), 300);
+        assert_eq!(slid.trace.len(), 120);
     }
     let [idle, loaded] = &results.jitter[..] else { panic!("idle and loaded runs are expected: {:?}", results.jitter) };
     assert!(loaded.is_loaded && !idle.is_loaded && loaded.servo.ticks > 0 && loaded.steps > 0);
