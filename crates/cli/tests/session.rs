@@ -243,3 +243,18 @@ fn what_cannot_be_held_is_refused() {
     };
     assert!(status != 0 && stderr.contains("192.0.2.1") && !stderr.contains("panicked"), "standard error: {stderr}");
 }
+
+#[test]
+fn a_resolution_is_measured_and_printed_as_lines_of_a_scene() {
+    let (status, text, stderr) = palpate(&["devices", "--calibrate", "hand"]);
+    assert_eq!(status, 0, "standard error: {stderr}");
+    let printed: toml::Table = text.parse().unwrap();
+    // The simulated hand has the resolution of the profile `premium`.
+    assert_eq!(printed["haptics"]["resolution"].as_float(), Some(3e-5), "{text}");
+    let nobody = ["devices", "--calibrate", "haply", "--address", "ws://localhost:1"];
+    let senseless = ["devices", "--calibrate", "hand", "--address", "ws://localhost:1"];
+    for (arguments, status, said) in [(nobody, 3, "start the Inverse service"), (senseless, 2, "leave it out")] {
+        let (ended, _, stderr) = palpate(&arguments);
+        assert!(ended == status && stderr.contains(said) && stderr.lines().count() == 1, "status {ended}: {stderr}");
+    }
+}
