@@ -263,7 +263,8 @@ impl Passivity {
             return self.shorten(wanted, device, period);
         }
         self.withheld = (self.withheld - period / RETURN).max(0.0);
-        let wanted = Wrench { force: (1.0 - self.withheld) * wanted.force, torque: (1.0 - self.withheld) * wanted.torque };
+        let wanted =
+            Wrench { force: (1.0 - self.withheld) * wanted.force, torque: (1.0 - self.withheld) * wanted.torque };
         let none = Control { wrench: wanted, ..none };
         if !self.has_moved {
             return none;
@@ -419,7 +420,9 @@ mod tests {
             "the whole force along the motion must be removed: {damped:?}"
         );
         // That takes 30 N s/m, more than the bound. A tenth of the force stays away for a while, also against the motion.
-        let fewer = |passivity: &mut Passivity| 1.0 + passivity.control(push(-3.0), &at(1e-3, 0.1), 1e-3, 1.0).wrench.force.x / 3.0;
+        let fewer = |passivity: &mut Passivity| {
+            1.0 + passivity.control(push(-3.0), &at(1e-3, 0.1), 1e-3, 1.0).wrench.force.x / 3.0
+        };
         assert!((fewer(&mut passivity) - (WITHHELD - 1e-3 / RETURN)).abs() < 1e-9);
         (0..7).for_each(|_| assert!(fewer(&mut passivity) < WITHHELD));
         assert_eq!(fewer(&mut passivity), 0.0);

@@ -138,7 +138,10 @@ impl Profile {
     /// One line about the first value that is not valid.
     pub fn check(&self) -> Result<(), String> {
         if let Some(resolution) = self.resolution.filter(|x| !(*x > 0.0 && *x <= 0.01)) {
-            return Err(format!("profile {}: resolution is {resolution}; give more than 0 and at most 0.01 m", self.name));
+            return Err(format!(
+                "profile {}: resolution is {resolution}; give more than 0 and at most 0.01 m",
+                self.name
+            ));
         }
         let fits =
             |name: &str, figure: f64| figure.is_finite() && figure >= 0.0 && (figure > 0.0 || name != "workspace");

@@ -40,7 +40,8 @@ pub fn stiffening(skin: &Skin, cell: f64) -> Vec<f32> {
                 part = clipped(&part, |x| inside - face.dot(x.x * u + x.y * v));
             }
         }
-        (whole / area(&part)).clamp(1.0, MOST)
+        // What is left of the disc may be nothing, or a line of no area.
+        (whole / area(&part).max(whole / MOST)).max(1.0)
     };
     skin.triangles.iter().map(|t| of(t.map(|v| skin.vertices[v as usize])) as f32).collect()
 }

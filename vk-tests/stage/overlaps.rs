@@ -202,7 +202,12 @@ fn compare(case: &Case, depth: f64, side: u32, worst: &mut [f64; 4], random: &mu
             let is_missed = found.volume == 0.0 && want.volume < VOLUME * area * edge;
             let deepest = if is_missed { 0.0 } else { (f64::from(found.deepest) - want.deepest).abs() };
             assert!(
-                off[0].abs() < AREA && off[1].abs() < VOLUME && centre < CENTRE && stiffer.abs() < STIFFENING && push < VOLUME && deepest < DEEPEST,
+                off[0].abs() < AREA
+                    && off[1].abs() < VOLUME
+                    && centre < CENTRE
+                    && stiffer.abs() < STIFFENING
+                    && push < VOLUME
+                    && deepest < DEEPEST,
                 "{}, {depth} m deep, side {side}, triangle {t}: {found:?} where {want:?} was expected; {off:?}, {centre}",
                 case.name
             );

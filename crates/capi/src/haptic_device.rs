@@ -9,8 +9,8 @@ use glam::{DQuat, DVec3};
 use palpate::internal::haptics::velocity::AdaptiveWindow;
 use palpate::internal::haptics::{Device, Fault, Reading};
 use palpate::internal::step::trajectory::rotation_vector;
-use palpate::scene::{Haptics, Profile};
 use palpate::scene::profile::PROFILES;
+use palpate::scene::{Haptics, Profile};
 use palpate::{RigidState, Wrench};
 
 use super::simulation::palpate_pose;

@@ -25,8 +25,7 @@ pub fn preface(_: &Value) -> String {
          run gives the same numbers. Against walls, the limit of oscillation is found with a hand that dissipates \
          little: the arm has {} N s/m, the device {} N s/m, without friction or encoders. Only the lateness of ticks is measured in real \
          time.",
-        CRITICAL.damping,
-        CRITICAL.device_damping
+        CRITICAL.damping, CRITICAL.device_damping
     )
 }
 
