@@ -60,8 +60,8 @@ pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -
 /// local contact model (a linear force law) follows the tool between simulation steps; otherwise the force of the last
 /// step is played (commanded to the device), and the delay is the age of that force. `asked` holds the scene's gains;
 /// those above a limit are lowered to the limit. Stiffness and damping are low enough for the steps of the device's
-/// encoders not to be felt as jumps of the force, if the profile knows its resolution. `mass` (kg) and `inertia` (kg m^2) are the tool's; they scale the
-/// angular gains if the device plays no torque.
+/// encoders not to be felt as jumps of the force, if its resolution is known. `mass` (kg) and `inertia` (kg m^2) are the
+/// tool's; they scale the angular gains if the device plays no torque.
 pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f64, asked: Option<&Coupling>) -> Gains {
     let slower = (PUBLISHED_PERIOD / period).min(1.0);
     let axis = |stiffness: f64, damping: f64| {
@@ -117,4 +117,27 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
         injectable([profile.angular_stiffness, profile.angular_damping], angular_stiffness, angular_damping),
     ];
     Gains { coupling, most_damping, reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::profile::PROFILES;
+
+    #[test]
+    fn the_gains_follow_the_resolution_of_the_device() {
+        let gains = |profile: &Profile| choose(profile, 1e-3, 0.0, 0.05, 2e-6, None);
+        for profile in PROFILES {
+            let exact = gains(&Profile { resolution: None, ..profile.clone() });
+            let Some(step) = profile.resolution else { continue };
+            let Gains { coupling, reason, .. } = gains(&profile);
+            assert!(coupling.stiffness * step <= STEP_FORCE * 1.000_001, "{}: {coupling:?}", profile.name);
+            assert!(coupling.damping * step / 1e-3 <= DAMPING_STEP_FORCE * 1.000_001, "{}: {coupling:?}", profile.name);
+            // What a step of the encoders does not limit is as without encoders.
+            let is_coarse = coupling != exact.coupling;
+            assert_eq!(is_coarse, ["omega.x", "delta.6", "falcon"].contains(&profile.name), "{}", profile.name);
+            assert_eq!(reason.contains("encoder steps of"), is_coarse, "{reason}");
+            assert_eq!(coupling.stiffness, exact.coupling.stiffness.min(STEP_FORCE / step), "{}", profile.name);
+        }
+    }
 }
