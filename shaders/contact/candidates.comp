@@ -58,7 +58,7 @@ READ_ONLY(uvec4, entry_hits);           // first hit on the ray of each vertex i
 READ_ONLY(uvec4, hits);  // triangle, next hit on the ray, bits of the depth, 2 * triangle's work item + (1: front)
 layout(scalar) writeonly buffer CandidateHits { vec4 candidate_hits[]; };  // depth (m), barycentric weights, area (m^2)
 layout(scalar) writeonly buffer CandidateWhat { uvec4 candidate_what[]; };    // vertex, its side, triangle
-layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, from a to b
+layout(scalar) writeonly buffer CandidateNormals { vec4 candidate_normals[]; };   // unit, a to b; stiffening
 // Bits of the push, which is depth times rest area times the vertex's normal without walls, and the pair of proxies.
 layout(scalar) writeonly buffer CandidatePushes { uvec4 candidate_pushes[]; };
 layout(scalar) readonly buffer WorkItems { uvec2 work_items[]; };  // active chunk and contact patch of each work item

@@ -88,7 +88,8 @@ void main() {
     Pair pair = pairs[side / 2];
     vec4 direction = fetch(candidate_normals, source);
     vec3 n = direction.xyz;
-    float stiffness = direction.w * pair.stiffness, damping = direction.w * pair.damping;
+    float stiffness = direction.w * pair.stiffness;
+    float damping = (pair.damps_tips != 0 ? direction.w : 1.0) * pair.damping;
     float sign = (side & 1) != 0 ? -1.0 : 1.0;
     add(vertex, sign);
     if (triangle != NONE) {

@@ -15,13 +15,13 @@
 //     area = sum |A|,    volume = sum integral of d over A,    moment = sum integral of d x over A,
 //
 // with x the place in the patch's plane. So the net force of a penalty pressure k d is k volume, at the centre of
-// pressure moment / volume, exactly, however coarse or fine either skin is. Where triangles of the other skin belong to a
-// tip or an edge, k is greater by their stiffening (src/stages/tips.rs); force and moment are then sums of these
+// pressure moment / volume, exactly, however coarse or fine either skin is. Where triangles of the other skin belong to
+// a tip or an edge, k is greater by their stiffening (src/stages/tips.rs); force and moment are then sums of these
 // products, and the overlap has the mean stiffening, weighted by volume. A is convex, and the integrals over it are
 // sums over the segments of its boundary, which lies on the edges of both triangles and the line where d is zero.
 // Triangles of the other skin that face away bound it on its far side. What lies behind them is outside the other body,
-// and is no contact if the other body is also behind the own far side, as it is under an overhang of the own body. If it
-// is not, the other body is a thin one that lies wholly within the own, and is pushed out as any other.
+// and is no contact if the other body is also behind the own far side, as it is under an overhang of the own body. If
+// it is not, the other body is a thin one that lies wholly within the own, and is pushed out as any other.
 //
 // One workgroup runs for each work item, an active chunk in one patch (a chunk is a group of at most 64 skin vertices
 // with their triangles). It appends an `Overlap` for each triangle of a chunk of the gathering skin that has one, and
@@ -62,7 +62,6 @@ const float ROUNDING = 2.0e-7;
 // The triangles of a chunk of the other skin: corners in the patch's plane and along its normal, first vertex.
 shared vec2 other_places[3 * CHUNK_TRIANGLES];
 shared float other_heights[3 * CHUNK_TRIANGLES];
-shared float other_reach[CHUNK_TRIANGLES];      // how far it reaches towards the own skin, along the normal, m
 shared uint other_vertex[CHUNK_TRIANGLES];
 shared uint is_kept[SIZE];
 shared uint own_listed[CHUNK_TRIANGLES];    // own triangles that may overlap that chunk
@@ -82,6 +81,11 @@ shared float behind[CHUNK_TRIANGLES];       // area behind the far side of the o
 shared float greatest[CHUNK_TRIANGLES];     // greatest volume with one triangle of the other skin, m^3
 // Distance from the centre of pressure to the own far side along the normal, m.
 shared float thickness[CHUNK_TRIANGLES];
+
+// Rounds of its loops that this lane has to do, and those that it did: drivers may end loops early
+// (docs/evidence/benchmarks.md, "Two traps").
+uint due, done;
+bool stiffens_tips;                         // of the pair
 
 // Corners of a triangle along the patch's axes, m. `found`: its element of `triangles`.
 void corners_of(mat3 axes, uint triangle, out uvec4 found, out vec3 corners[3]) {
@@ -197,7 +201,8 @@ void relative_corners(mat3 axes, Chunk chunk, uint l, out vec3 p[3], out vec2 ba
 
 // Integrates over the overlap of the pair in place `i` of the list. `sign`: 1 if the own triangle is of a, -1 if of b.
 void integrate(mat3 axes, Chunk chunk, uint i, float sign) {
-    uint l = listed[i] & 0xffffu, k = listed[i] >> 16;
+    // A pair that an ended loop left unlisted must not reach beyond the arrays.
+    uint l = min(listed[i] & 0xffffu, CHUNK_TRIANGLES - 1), k = min(listed[i] >> 16, CHUNK_TRIANGLES - 1);
     vec3 p[3], q[3];
     vec2 base;
     relative_corners(axes, chunk, l, p, base);
@@ -226,7 +231,7 @@ void add(uint l, uint k, uint i) {
         behind[l] += found.x;
         return;
     }
-    float stiffening = other_stiffening[k];
+    float stiffening = stiffens_tips ? other_stiffening[k] : 1.0;
     sums[l] += vec4(found.xy, stiffening * found.zw);
     stiff_volumes[l] += stiffening * found.y;
     pushes[l] = vec4(pushes[l].xyz + push.xyz, max(pushes[l].w, push.w));
@@ -249,8 +254,8 @@ float bound_own(mat3 axes, Chunk chunk, uint l, float sign, out vec2 low, out ve
     return max(sign * p[0].z, max(sign * p[1].z, sign * p[2].z));
 }
 
-// Lists the own triangles that may overlap a chunk of the other skin with these bounds, in their order, and returns their
-// number.
+// Lists the own triangles that may overlap a chunk of the other skin with these bounds, in their order, and returns
+// their number.
 uint list_own(mat3 axes, Chunk chunk, Slab bound, float sign) {
     uint lane = gl_LocalInvocationID.x, count = 0;
     for (uint first = 0; first < chunk.triangle_count; first += SIZE) {
@@ -275,19 +280,27 @@ uint list_own(mat3 axes, Chunk chunk, Slab bound, float sign) {
     return count;
 }
 
+// How many of `count` elements this lane handles, where each lane handles every SIZE-th element.
+uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
+
 // Which of the `others` listed triangles own triangle `l` may overlap, one bit for each, and their number.
 uint find_met(mat3 axes, Chunk chunk, uint l, uint others, float sign, out uint met[CHUNK_TRIANGLES / 32]) {
     for (uint word = 0; word < CHUNK_TRIANGLES / 32; word++) met[word] = 0;
     vec2 low, high;
     float reach = bound_own(axes, chunk, l, sign, low, high);
     uint count = 0;
+    due += (others + 31) / 32;
     for (uint word = 0; 32 * word < others; word++) {
+        done++;
         uint bits = 0;
         for (uint b = 0; b < 32; b++) {
             uint k = 32 * word + b;
             vec2 x = other_places[3 * k], y = other_places[3 * k + 1], z = other_places[3 * k + 2];
+            // How far it reaches towards the own skin.
+            float other_reach = max(-sign * other_heights[3 * k],
+                max(-sign * other_heights[3 * k + 1], -sign * other_heights[3 * k + 2]));
             bool meets = k < others && all(lessThanEqual(min(min(x, y), z), high))
-                && all(greaterThanEqual(max(max(x, y), z), low)) && reach + other_reach[k] > 0.0;
+                && all(greaterThanEqual(max(max(x, y), z), low)) && reach + other_reach > 0.0;
             bits |= meets ? 1u << b : 0u;
         }
         met[word] = bits;
@@ -303,23 +316,6 @@ uint take(inout uint met[CHUNK_TRIANGLES / 32]) {
     uint k = 32 * word + findLSB(met[word]);
     met[word] &= met[word] - 1;
     return k;
-}
-
-// Lists the `count` pairs of own triangle `l` with the triangles `met`, from place `first` on. Of all places of a round
-// only the first PAIRS are there; those below wrapped round.
-void list_pairs(uint l, uint met[CHUNK_TRIANGLES / 32], uint count, uint first) {
-    for (uint n = 0; n < count; n++) {
-        uint k = take(met);
-        if (first + n < PAIRS) listed[first + n] = l | k << 16;
-    }
-}
-
-// Adds the integrals of those of these pairs that are in the list.
-void add_pairs(uint l, uint met[CHUNK_TRIANGLES / 32], uint count, uint first) {
-    for (uint n = 0; n < count; n++) {
-        uint k = take(met);
-        if (first + n < PAIRS) add(l, k, first + n);
-    }
 }
 
 // Lists the triangles of a chunk that may overlap what lies in the box from `low` to `high`, and returns their number;
@@ -358,9 +354,6 @@ uint list_triangles(mat3 axes, Chunk chunk, uint side, vec2 low, vec2 high, bool
                 other_places[3 * at + c] = corners[c].xy;
                 other_heights[3 * at + c] = corners[c].z;
             }
-            vec3 heights = vec3(corners[0].z, corners[1].z, corners[2].z);
-            float sign = side == 0 ? -1.0 : 1.0;
-            other_reach[at] = max(sign * heights.x, max(sign * heights.y, sign * heights.z));
             other_vertex[at] = triangle.x;
             other_stiffening[at] = uintBitsToFloat(triangle.w);
         }
@@ -368,9 +361,6 @@ uint list_triangles(mat3 axes, Chunk chunk, uint side, vec2 low, vec2 high, bool
     }
     return count;
 }
-
-// How many of `count` elements this lane handles, where each lane handles every SIZE-th element.
-uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
 
 Slab slab_of(ActiveChunk entry, uint r) {
     PairProxy pair_proxy = pair_proxies[entry.pair_proxy];
@@ -390,12 +380,11 @@ uvec2 work_items_of(Pair pair, uint side) {
 vec2 centre_of(uint l) { return sums[l].zw / stiff_volumes[l]; }
 
 // Finds how thick the own body is at the centres of pressure of triangles that lie behind the other body's far side.
-// Returns whether all rounds were done.
-bool measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk chunk, Slab slab) {
+void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk chunk, Slab slab) {
     uint lane = gl_LocalInvocationID.x;
     float sign = side == 0 ? 1.0 : -1.0;
     uvec2 range = work_items_of(pair, side);
-    uint due = range.y - range.x, done = 0;
+    due += range.y - range.x;
     for (uint w = range.x; w < range.y; w++) {
         done++;
         if (work_items[w].y != work_item.y) continue;
@@ -430,7 +419,6 @@ bool measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
         }
         barrier();
     }
-    return done == due;
 }
 
 void main() {
@@ -445,9 +433,9 @@ void main() {
     mat3 axes = mat3(contact_patch.tangent, contact_patch.bitangent, contact_patch.normal);
     Slab slab = slab_of(entry, r);
     float sign = side == 0 ? 1.0 : -1.0;
-    // `due` and `done` count the rounds that this lane has to do and those that it did: drivers may end loops early
-    // (docs/evidence/benchmarks.md, "Two traps").
-    uint due = turns_of(chunk.triangle_count), done = 0;
+    stiffens_tips = pair.stiffens_tips != 0;
+    due = turns_of(chunk.triangle_count);
+    done = 0;
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
         done++;
         overlap_at[gl_WorkGroupID.x * CHUNK_TRIANGLES + l] = NONE;
@@ -484,9 +472,17 @@ void main() {
                 if (k < lane) begin += is_kept[k];
                 all += is_kept[k];
             }
+            // The lane's pairs have the places from `begin` on among all pairs of this round.
+            due += 2 * count + (all + PAIRS - 1) / PAIRS;
             for (uint window = 0; window < all; window += PAIRS) {
+                done++;
                 uint size = min(PAIRS, all - window);
-                list_pairs(l, met, count, begin - window);
+                uint low = clamp(begin, window, window + size) - window;
+                uint high = clamp(begin + count, window, window + size) - window;
+                for (uint i = low; i < high; i++) {
+                    done++;
+                    listed[i] = l | take(met) << 16;
+                }
                 barrier();
                 due += turns_of(size);
                 for (uint i = lane; i < size; i += SIZE) {
@@ -494,7 +490,10 @@ void main() {
                     integrate(axes, chunk, i, sign);
                 }
                 barrier();
-                add_pairs(l, met, count, begin - window);
+                for (uint i = low; i < high; i++) {
+                    done++;
+                    add(l, listed[i] >> 16, i);
+                }
                 barrier();
             }
             barrier();
@@ -506,7 +505,7 @@ void main() {
         else behind[l] = 0.0;
     }
     barrier();
-    if (any_behind != 0 && !measure_thickness(axes, work_item, pair, side, chunk, slab)) due++;
+    if (any_behind != 0) measure_thickness(axes, work_item, pair, side, chunk, slab);
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
         vec4 sum = sums[l];
         if (!(sum.y > 0.0)) continue;

@@ -138,6 +138,8 @@ struct Pair {
     uint lone_side;             // which skin is tested for contact; 0: both sides, 1: that of a alone, 2: that of b alone
     uint by_triangles;          // 1: the triangles of the lone side are tested, 0: vertices; the other side is then rigid
                                 // and has one proxy
+    uint stiffens_tips;         // 1: k of a contact by triangles is multiplied by the stiffening of the rigid side
+    uint damps_tips;            // 1: so is d
     vec4 direction;             // prescribed contact normal, in place of one from culling; w = 0: none is prescribed
     vec4 plane;                 // unit normal and offset (m) of the half-space's boundary
 };
@@ -197,7 +199,7 @@ struct Overlap {
     vec2 barycentric;           // weights of the triangle's second and third corner at the centre of pressure
     vec3 push;                  // integral of the depth times a unit normal out of the gathering skin, world axes, m^3
     float deepest;              // greatest depth, m
-    float stiffening;           // factor by which the contact is stiffer than the pair's contact stiffness
+    float stiffening;           // factor of the pair's contact stiffness
     uint vertex;                // a vertex of the triangle of the other skin with the greatest part of the volume
 };
 

@@ -15,10 +15,10 @@ const PUBLISHED_PERIOD: f64 = 1e-3;
 /// Safety factor: the share of a theoretical limit that is used.
 const MARGIN: f64 = 0.8;
 /// Greatest change of the force, N, that one encoder step may cause through the coupling's stiffness.
-const STEP_FORCE: f64 = 0.03;
+const SPRING_STEP: f64 = 0.03;
 /// Greatest change of the force, N, that one encoder step may cause through the coupling's damping, if the velocity is
 /// that of a single period. It is estimated over many periods unless the device is fast, so that steps are felt less.
-const DAMPING_STEP_FORCE: f64 = 0.12;
+const DAMPER_STEP: f64 = 0.12;
 
 /// The chosen gains, and the reason for them.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,8 +60,8 @@ pub fn injectable(dissipation: f64, stiffness: f64, damping: f64, period: f64) -
 /// local contact model (a linear force law) follows the tool between simulation steps; otherwise the force of the last
 /// step is played (commanded to the device), and the delay is the age of that force. `asked` holds the scene's gains;
 /// those above a limit are lowered to the limit. Stiffness and damping are low enough for the steps of the device's
-/// encoders not to be felt as jumps of the force, if its resolution is known. `mass` (kg) and `inertia` (kg m^2) are the
-/// tool's; they scale the angular gains if the device plays no torque.
+/// encoders not to be felt as jumps of the force, if its resolution is known. `mass` (kg) and `inertia` (kg m^2) are
+/// the tool's; they scale the angular gains if the device plays no torque.
 pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f64, asked: Option<&Coupling>) -> Gains {
     let slower = (PUBLISHED_PERIOD / period).min(1.0);
     let axis = |stiffness: f64, damping: f64| {
@@ -72,8 +72,8 @@ pub fn choose(profile: &Profile, period: f64, delay: f64, mass: f64, inertia: f6
     };
     let (stable, virtual_damping) = axis(profile.stiffness, profile.damping);
     let step = profile.resolution.unwrap_or(0.0).max(f64::MIN_POSITIVE);
-    let stiffness = stable.min(STEP_FORCE / step);
-    let damping = virtual_damping.min(DAMPING_STEP_FORCE * period / step);
+    let stiffness = stable.min(SPRING_STEP / step);
+    let damping = virtual_damping.min(DAMPER_STEP * period / step);
     let (angular_stiffness, angular_damping) = match profile.angular_stiffness > 0.0 {
         true => axis(profile.angular_stiffness, profile.angular_damping),
         // The device plays no torque, so these gains are not felt: they let the tool's rotation follow the device as
@@ -131,13 +131,13 @@ mod tests {
             let exact = gains(&Profile { resolution: None, ..profile.clone() });
             let Some(step) = profile.resolution else { continue };
             let Gains { coupling, reason, .. } = gains(&profile);
-            assert!(coupling.stiffness * step <= STEP_FORCE * 1.000_001, "{}: {coupling:?}", profile.name);
-            assert!(coupling.damping * step / 1e-3 <= DAMPING_STEP_FORCE * 1.000_001, "{}: {coupling:?}", profile.name);
+            assert!(coupling.stiffness * step <= SPRING_STEP * 1.000_001, "{}: {coupling:?}", profile.name);
+            assert!(coupling.damping * step / 1e-3 <= DAMPER_STEP * 1.000_001, "{}: {coupling:?}", profile.name);
             // What a step of the encoders does not limit is as without encoders.
             let is_coarse = coupling != exact.coupling;
             assert_eq!(is_coarse, ["omega.x", "delta.6", "falcon"].contains(&profile.name), "{}", profile.name);
             assert_eq!(reason.contains("encoder steps of"), is_coarse, "{reason}");
-            assert_eq!(coupling.stiffness, exact.coupling.stiffness.min(STEP_FORCE / step), "{}", profile.name);
+            assert_eq!(coupling.stiffness, exact.coupling.stiffness.min(SPRING_STEP / step), "{}", profile.name);
         }
     }
 }

@@ -27,7 +27,7 @@ const LATE: f64 = 2e-3;
 const LONGEST_TICK: f64 = 4.0;
 /// Greatest change of the force that one encoder step may cause, through the coupling's stiffness or through its
 /// damping, N.
-const STEP_FORCE: f64 = 0.02;
+const SMOOTHED_STEP: f64 = 0.02;
 /// Longest time constant of the smoothing of the device's pose, s: smoothing is delay, and delay costs stability.
 const LONGEST_SMOOTHING: f64 = 0.001;
 /// Shortest time that a tick may integrate over, in periods.
@@ -273,9 +273,9 @@ impl Servo {
     fn smooth(&mut self, device: RigidState, period: f64) -> RigidState {
         let (stiffness, damping) = self.tool.coupling.map_or((0.0, 0.0), |c| (c.stiffness, c.damping));
         // Share of an encoder step that passes the filter, so that a stiffness (here `gain`, N/m) turns this share into
-        // a force change of at most [`STEP_FORCE`].
+        // a force change of at most [`SMOOTHED_STEP`].
         let step = self.settings.resolution.max(f64::MIN_POSITIVE);
-        let share = |gain: f64| (STEP_FORCE / (gain * step)).clamp(period / (period + LONGEST_SMOOTHING), 1.0);
+        let share = |gain: f64| (SMOOTHED_STEP / (gain * step)).clamp(period / (period + LONGEST_SMOOTHING), 1.0);
         let (of_position, of_velocity) = (share(stiffness), share(damping / period));
         let last = self.device;
         let velocity = last.velocity.lerp(device.velocity, of_velocity);

@@ -562,8 +562,8 @@ pub const HAPTICS: TableKeys = TableKeys {
             "resolution",
             "m, > 0, at most 0.01",
             "(the profile's)",
-            "Step of the device's encoders, as `palpate devices --calibrate` measures it. The gains of the coupling follow \
-             it.",
+            "Step of the device's encoders, as `palpate devices --calibrate` measures it. The gains of the \
+             coupling follow it.",
         ),
         key("rate", "Hz, 50 to 4000", "1000.0", "Force updates per second."),
         key(

@@ -12,13 +12,26 @@ use crate::shaders::Contact;
 /// kPa, Poisson's ratio 0.45 and edges of 10 mm.
 const RIGID_STIFFNESS: f64 = 5.0e7;
 
-/// Contact stiffness (N/m^3) and damping (N s/m^3) between two bodies of a scene; `all`: the scene's bodies and the
-/// tool.
-pub fn parameters(scene: &Scene, pair: [&Body; 2], all: &[&Body]) -> [f64; 2] {
-    let stiffness = scene.contact.stiffness.unwrap_or_else(|| auto_stiffness(&pair, all));
+/// The contact law between two bodies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Law {
+    /// Contact stiffness, N/m^3.
+    pub stiffness: f64,
+    /// Contact damping, N s/m^3.
+    pub damping: f64,
+    /// Whether stiffness, and damping, are greater at tips and edges (`tips.rs`): what a scene gives is taken as it is.
+    pub stiffens_tips: [bool; 2],
+}
+
+/// The contact law between two bodies of a scene; `all`: the scene's bodies and the tool.
+pub fn parameters(scene: &Scene, pair: [&Body; 2], all: &[&Body]) -> Law {
+    let (given, damping) = (scene.contact.stiffness, scene.contact.damping);
+    let stiffness = given.unwrap_or_else(|| auto_stiffness(&pair, all));
+    let is_soft = pair.iter().any(|body| matches!(body.shape, Shape::Soft { .. }));
+    let stiffens = given.is_none() && is_soft;
     // With this damping the penalty force relaxes with a time constant of one step.
-    let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
-    [stiffness, damping]
+    let automatic = stiffness * scene.step.dt;
+    Law { stiffness, damping: damping.unwrap_or(automatic), stiffens_tips: [stiffens, stiffens && damping.is_none()] }
 }
 
 /// Traction between the two bodies of a contact: force over the contact's area.

@@ -16,6 +16,7 @@ use glam::{DQuat, DVec3};
 
 use super::blocks::Blocks;
 use super::coarse::Coarse;
+use super::contact_law::Law;
 use super::gap;
 use super::joints::Joint;
 use super::layers::OF_PATCH;
@@ -261,7 +262,8 @@ impl Model {
         let all = [a, b];
         let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
         // No force is computed from this pair, so its contact law has no effect.
-        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, [1.0, 0.0], (Sides::Both, Samples::Vertices));
+        let law = Law { stiffness: 1.0, damping: 0.0, stiffens_tips: [false; 2] };
+        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, law, (Sides::Both, Samples::Vertices));
         model.add_pair_proxies();
         model
     }

@@ -5,8 +5,9 @@
 
 use std::ops::Range;
 
+use super::contact_law::{self, Law};
 use super::model::{Model, Plane};
-use super::{contact_law, samples as choice, tips};
+use super::{samples as choice, tips};
 use crate::prepare::{Body, FrameMotion, Shape};
 use crate::scene::{Samples, Scene, Sides};
 use crate::shaders::{NONE, Pair, PairProxy};
@@ -39,10 +40,7 @@ impl Model {
                 self.add_pair(all, (a, b), held, ranges, law, (scene.contact.sides, scene.contact.samples));
             }
         }
-        // A stiffness that the scene gives is taken as it is.
-        if scene.contact.stiffness.is_none() {
-            self.stiffen_tips(all);
-        }
+        self.stiffen_tips(all);
         self.add_pair_proxies();
     }
 
@@ -94,14 +92,14 @@ impl Model {
     }
 
     /// Adds the pair of the bodies a and b. `held`: index of the tool's own body, or of the body that the haptic device
-    /// is coupled to; `law`: contact stiffness (N/m^3) and damping (N s/m^3).
+    /// is coupled to.
     pub(super) fn add_pair(
         &mut self,
         all: &[&Body],
         (a, b): (usize, usize),
         held: usize,
         ranges: &[Range<usize>],
-        law: [f64; 2],
+        law: Law,
         (sides, samples): (Sides, Samples),
     ) {
         let plane = match all[b].shape {
@@ -130,13 +128,15 @@ impl Model {
             proxy_count: [a_proxies.len() as u32, b_proxies.len() as u32],
             // The pair proxies are added once all pairs are known.
             first_pair_proxy: [0; 2],
-            stiffness: law[0] as f32,
-            damping: law[1] as f32,
+            stiffness: law.stiffness as f32,
+            damping: law.damping as f32,
             tool_sign: if a == held { 1.0 } else { -f32::from(u8::from(b == held)) },
             is_plane: u32::from(plane.is_some()),
             kinematic_frame: [kinematic_frame(a), kinematic_frame(b)],
             lone_side,
             by_triangles: u32::from(by_triangles.is_some()),
+            stiffens_tips: law.stiffens_tips[0].into(),
+            damps_tips: law.stiffens_tips[1].into(),
             direction: [0.0; 4],
             plane: [0.0; 4],
         });
@@ -144,8 +144,8 @@ impl Model {
         self.pair_bodies.push([a, b]);
     }
 
-    /// Sets the stiffening of the triangles of each rigid body that a soft body's triangles are tested against. Of several
-    /// such soft bodies, the one with the smallest cells counts.
+    /// Sets the stiffening of the triangles of each rigid body that a soft body's triangles are tested against. Of
+    /// several such soft bodies, the one with the smallest cells counts.
     fn stiffen_tips(&mut self, all: &[&Body]) {
         let mut cells = vec![f64::INFINITY; all.len()];
         for (pair, bodies) in self.pairs.iter().zip(&self.pair_bodies).filter(|(pair, _)| pair.by_triangles != 0) {

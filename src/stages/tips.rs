@@ -1,9 +1,9 @@
-//! Stiffer contact of tips and edges. The automatic contact stiffness (`contact_law.rs`) lets a body that is touched over a
-//! whole cell of its tetrahedral mesh give way twenty times less in its contact than in its tetrahedra. A tip or an edge
-//! touches a small part of a cell, so that with the same stiffness it would sink into the surface mesh before the
-//! tetrahedra feel it. Therefore the contact of a triangle of a rigid body is stiffer by its *stiffening*: the area of a
-//! disc as wide as a cell, divided by the area of the part of that disc which the rigid body fills a fifth of a cell below
-//! the triangle's plane. A contact on a part of a cell is then about as stiff as one that covers the cell.
+//! Stiffer contact of tips and edges. The automatic contact stiffness (`contact_law.rs`) lets a body that is touched
+//! over a whole cell of its tetrahedral mesh give way twenty times less in its contact than in its tetrahedra. A tip or
+//! an edge touches a small part of a cell, so that with the same stiffness it would sink into the surface mesh before
+//! the tetrahedra feel it. Therefore the contact of a triangle of a rigid body is stiffer by its *stiffening*: the area
+//! of a disc as wide as a cell, divided by the area of the part of that disc which the rigid body fills a fifth of a
+//! cell below the triangle's plane. A contact on a part of a cell is then about as stiff as one that covers the cell.
 
 use std::f64::consts::TAU;
 
@@ -11,16 +11,17 @@ use glam::{DVec2, DVec3};
 
 use crate::prepare::{Skin, hull};
 
-/// How far below a triangle's plane the area is measured, in cells. The less this is, the less a tip lies within the skin.
-/// With a twentieth of a cell, contacts were so stiff that a needle trembled in the dimple that wraps round its tip.
+/// How far below a triangle's plane the area is measured, in cells. The less this is, the less a tip lies within the
+/// skin. With a twentieth of a cell, contacts were so stiff that a needle trembled in the dimple that wraps round its
+/// tip.
 const DEPTH: f64 = 0.2;
 /// Greatest stiffening.
 const MOST: f64 = 16.0;
 /// Corners of the polygon that stands for the disc.
 const CORNERS: u32 = 16;
 
-/// Stiffening of each triangle of the skin (surface mesh) of a rigid, nearly convex body against a body whose tetrahedra
-/// have edges of `cell` (m) in the mean; from 1 to 16.
+/// Stiffening of each triangle of the skin (surface mesh) of a rigid, nearly convex body against a body whose
+/// tetrahedra have edges of `cell` (m) in the mean; from 1 to 16.
 pub fn stiffening(skin: &Skin, cell: f64) -> Vec<f32> {
     let Some(hull) = hull::convex(&hull::thinned(&skin.vertices)) else { return vec![1.0; skin.triangles.len()] };
     let disc = disc(0.5 * cell);
@@ -29,9 +30,12 @@ pub fn stiffening(skin: &Skin, cell: f64) -> Vec<f32> {
         let [a, b, c] = corners;
         let Some(normal) = (b - a).cross(c - a).try_normalize() else { return 1.0 };
         let (u, v) = normal.any_orthonormal_pair();
-        let top = hull.vertices.iter().map(|x| normal.dot(*x)).fold(f64::NEG_INFINITY, f64::max);
+        let heights = hull.vertices.iter().map(|x| normal.dot(*x));
+        let [low, high] = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
         let middle = (a + b + c) / 3.0;
-        let middle = middle + (top - DEPTH * cell - normal.dot(middle)) * normal;
+        // A thin body is cut half way through.
+        let depth = (DEPTH * cell).min(0.5 * (high - low));
+        let middle = middle + (high - depth - normal.dot(middle)) * normal;
         let mut part = disc.clone();
         for (face, offset) in &hull.faces {
             let inside = offset - face.dot(middle);
@@ -104,6 +108,11 @@ mod tests {
         let [low, high] = range(cuboid(DVec3::new(0.00025, 0.01, 0.01)), DVec3::Y);
         let expected = 0.25 * std::f64::consts::PI * CELL / 5e-4;
         assert!((low / expected - 1.0).abs() < 0.05 && (high / low - 1.0).abs() < 0.02, "edge: {low} to {high}");
+        // Its sides cover many cells, and so do those of a blade that is thinner than the cut is deep.
+        for thickness in [5e-4, 3e-4, 1e-5] {
+            let blade = cuboid(DVec3::new(0.5 * thickness, 0.01, 0.01));
+            assert_eq!(range(blade, DVec3::X), [1.0, 1.0], "sides of a blade of {thickness} m");
+        }
         // A ball of 1 mm, of facets as wide as a tenth of it, is cut at a depth of a fifth of a cell in a circle.
         let [low, high] = range(sphere::icosphere(0.001), DVec3::Y);
         let expected = 0.25 * CELL * CELL / (2.0 * 0.001 * DEPTH * CELL - (DEPTH * CELL).powi(2));

@@ -102,7 +102,11 @@ fn responses_of_any_number() {
         flow.hits = (0..count).map(hit).collect();
         let met = |i: usize| if i.is_multiple_of(2) { i as u32 / 2 } else { NONE };
         flow.what = (0..count).map(|i| [3 * i as u32, (i as u32 / 3) % 2, met(i), 0]).collect();
-        flow.normals = (0..count).map(|_| random.vector().normalize().as_vec3().extend(1.0).to_array()).collect();
+        let stiffening = |random: &mut Random| 8.5 + 7.5 * random.next() as f32;
+        flow.normals = (0..count)
+            .map(|_| random.vector().normalize().as_vec3().extend(stiffening(&mut random)).to_array())
+            .collect();
+        flow.pairs[0].damps_tips = (n % 2) as u32;
         flow.forget_entries(nodes);
         flow.list_candidates();
         assert_eq!(flow.counts.contacts as usize, n);
@@ -155,6 +159,9 @@ fn check_response(flow: &Flow, c: usize, counts: &mut [u32]) {
         points.push((corners[2] as usize, -0.5 * sign));
     }
     assert_eq!(got.normal, flow.normals[i][..3]);
+    let (pair, stiffening) = (&flow.pairs[0], flow.normals[i][3]);
+    let damping = if pair.damps_tips == 0 { pair.damping } else { stiffening * pair.damping };
+    assert_eq!((got.stiffness, got.damping), (stiffening * pair.stiffness, damping));
     // Vertices embedded in the same tetrahedron share a quad of four entries.
     let mut quads: Vec<([u32; 4], [f64; 4])> = Vec::new();
     for (vertex, share) in points {

@@ -129,8 +129,8 @@ pub(super) struct Callbacks {
 unsafe impl Send for Callbacks {}
 
 impl Callbacks {
-    /// Checks the caller's struct `device`. The profile of the scene's settings `haptics` is taken where the struct names
-    /// none.
+    /// Checks the caller's struct `device`. The profile of the scene's settings `haptics` is taken where the struct
+    /// names none.
     ///
     /// # Safety
     /// The conditions of the header for a `palpate_haptic_device` hold for `device`.

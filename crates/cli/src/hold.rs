@@ -21,8 +21,8 @@ use crate::signals::Stop;
 use crate::tell;
 
 /// The built-in profile (limits of a haptic device: force, workspace and so on) that the scene names; if it names none,
-/// the profile whose name is the argument `default`. The scene's resolution of the device, if any, takes the place of the
-/// profile's.
+/// the profile whose name is the argument `default`. The scene's resolution of the device, if any, takes the place of
+/// the profile's.
 fn profile_of(scene: &Scene, default: &str) -> Profile {
     let named = scene.haptics.profile.or_else(|| Profile::named(default));
     let profile = named.unwrap_or(&PROFILES[0]).clone();

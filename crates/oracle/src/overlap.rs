@@ -17,8 +17,8 @@ pub struct Overlap {
     pub volume: f64,
     /// Integral of depth times stiffening, m^3: the stiffening is that of the triangle of B.
     pub stiff_volume: f64,
-    /// Integral of depth times stiffening times world position on the triangle, m^4; divided by `stiff_volume`, the centre
-    /// of pressure.
+    /// Integral of depth times stiffening times world position on the triangle, m^4; divided by `stiff_volume`, the
+    /// centre of pressure.
     pub moment: DVec3,
     /// Integral of the depth times a unit normal out of A, m^3: of the mean of A's outward and B's inward normal, each
     /// weighted by the fourth power of its cosine to the patch's normal.
@@ -33,9 +33,10 @@ const EDGE_ON: f64 = 0.001;
 /// Mean depth, in units of A's thickness, from which on what lies behind B counts less, and at which it does not count.
 const THIN: [f64; 2] = [0.8, 1.2];
 
-/// For each triangle of skin A: its overlap with skin B along the unit normal `normal`, which points from A to B. B must
-/// be convex; `stiffening` has a factor of the pressure for each of its triangles. Triangles of A that face away from B have none. What lies behind B's far side is no overlap where A is thin,
-/// that is, where A's far side is nearer to the centre of pressure than the overlap's mean depth; the change is smooth.
+/// For each triangle of skin A: its overlap with skin B along the unit normal `normal`, which points from A to B. B
+/// must be convex; `stiffening` has a factor of the pressure for each of its triangles. Triangles of A that face away
+/// from B have none. What lies behind B's far side is no overlap where A is thin, that is, where A's far side is nearer
+/// to the centre of pressure than the overlap's mean depth; the change is smooth.
 pub fn overlaps(
     normal: DVec3,
     a_positions: &[DVec3],
@@ -163,7 +164,7 @@ fn clipped(polygon: &[DVec2], value: impl Fn(DVec2) -> f64) -> Vec<DVec2> {
     kept
 }
 
-/// Volume (m^3) between the skins, and its first moment (m^4) at the places on A.
+/// Integral of depth times stiffening (m^3) over all overlaps, and its first moment (m^4) at the places on A.
 pub fn total(overlaps: &[Overlap]) -> (f64, DVec3) {
     overlaps.iter().fold((0.0, DVec3::ZERO), |(volume, moment), o| (volume + o.stiff_volume, moment + o.moment))
 }
