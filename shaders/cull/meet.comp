@@ -149,6 +149,7 @@ void list_all() {
     args[3 * ARGS_ACTIVE] = used;
     args[3 * ARGS_GATHERING] = gathering;
     args[3 * ARGS_WORK_ITEMS] = listed;
+    args[3 * ARGS_OVERLAPS] = min(GATHERING < PAIR_PROXIES ? pair_proxy_counts[GATHERING].y : all.y, listed);
     args[3 * ARGS_DRAW] = 6 * CHUNK_TRIANGLES;
     args[3 * ARGS_DRAW + 1] = listed;
     args[3 * ARGS_DRAW + 2] = 0;

@@ -23,8 +23,10 @@
 // and is no contact if the other body is also behind the own far side, as it is under an overhang of the own body. If
 // it is not, the other body is a thin one that lies wholly within the own, and is pushed out as any other.
 //
-// One workgroup runs for each work item, an active chunk in one patch (a chunk is a group of at most 64 skin vertices
-// with their triangles). It appends an `Overlap` for each triangle of a chunk of the gathering skin that has one, and
+// One workgroup runs for each work item of a gathering skin: an active chunk in one patch. A chunk is a group of at most
+// 64 skin vertices with their triangles. The workgroup lists the chunks of the other skin that may overlap its own, then
+// the own triangles that may overlap any of those, and takes chunk after chunk: the triangles that meet listed ones, and
+// the pairs of triangles, which all lanes integrate. It appends an `Overlap` for each own triangle that has one, and
 // writes where it is. The f64 reference implementation is oracle::overlap.
 
 layout(local_size_x_id = 0) in;
@@ -51,22 +53,33 @@ layout(scalar) writeonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRI
 // Cosine of the angle between a triangle's normal and the patch's below which the triangle is seen edge-on, and left
 // out.
 const float EDGE_ON = 0.001;
-const uint AWAY = 0x80000000u;          // marks, in `other_vertex`, a triangle that faces away
+const uint AWAY = 0x80000000u;          // marks, in `other_triangle`, a triangle that faces away
 const uint PAIRS = 64;                  // most pairs of triangles that are integrated at a time
+const uint OWNS = 32;                   // own triangles that are tested at a time, a bit of a word for each
+const uint LISTED = 64;                 // chunks of the other skin that are looked at at a time
 // Mean depth, in units of the own body's thickness, from which on what lies behind the other body counts less, and at
 // which it does not count at all.
 const vec2 THIN = vec2(0.8, 1.2);
 // How far rounding may move a point, as a share of its distance from the origin.
 const float ROUNDING = 2.0e-7;
 
-// The triangles of a chunk of the other skin: corners in the patch's plane and along its normal, first vertex.
+// Triangles of a chunk of the other skin: corners in the patch's plane and along its normal, place in `triangles`.
 shared vec2 other_places[3 * CHUNK_TRIANGLES];
 shared float other_heights[3 * CHUNK_TRIANGLES];
-shared uint other_vertex[CHUNK_TRIANGLES];
-shared uint is_kept[SIZE];
-shared uint own_listed[CHUNK_TRIANGLES];    // own triangles that may overlap that chunk
+shared uint other_triangle[CHUNK_TRIANGLES];
+shared uint other_meets[CHUNK_TRIANGLES];   // which of the own triangles that are tested it may overlap, one bit for each
+shared uint flagged[(SIZE + 31) / 32];      // one bit for each lane, set by `flag_lanes`
+shared uint pair_counts[OWNS];              // number of pairs of each own triangle that is tested
+shared uint own_listed[CHUNK_TRIANGLES];    // own triangles that may overlap the other skin
+// Of those that are tested: box in the patch's plane (low and high corner, m), and how far each reaches towards the
+// other skin along the normal, m.
+shared vec4 own_box[OWNS];
+shared float own_reach[OWNS];
+shared uint met_items[LISTED];              // work items of chunks of the other skin that may overlap the own chunk
+shared uint met_bits[LISTED / 32];          // which of the chunks that are looked at these are
+shared uint near_owns[LISTED];              // which of the own triangles that are tested may overlap each of those
+shared uint others_bound[5];                // keys of the bounds of `list_others`
 shared uint any_behind;                     // whether any own triangle lies behind the other body's far side
-shared float other_stiffening[CHUNK_TRIANGLES];
 // Pairs of an own triangle and one of the other chunk (own in the lower half, other in the upper half of a word), and
 // their integrals. All lanes integrate, whichever own triangles have pairs, and the own triangles' lanes add in order.
 shared uint listed[PAIRS];
@@ -79,8 +92,6 @@ shared vec4 pushes[CHUNK_TRIANGLES];        // push along the patch's axes, grea
 shared uint vertex_met[CHUNK_TRIANGLES];    // vertex of the other skin where `greatest` is
 shared float behind[CHUNK_TRIANGLES];       // area behind the far side of the other body, m^2
 shared float greatest[CHUNK_TRIANGLES];     // greatest volume with one triangle of the other skin, m^3
-// Distance from the centre of pressure to the own far side along the normal, m.
-shared float thickness[CHUNK_TRIANGLES];
 
 // Rounds of its loops that this lane has to do, and those that it did: drivers may end loops early
 // (docs/evidence/benchmarks.md, "Two traps").
@@ -227,84 +238,165 @@ void integrate(mat3 axes, Chunk chunk, uint i, float sign) {
 void add(uint l, uint k, uint i) {
     vec4 found = pair_sums[i], push = pair_pushes[i];
     if (!(found.x > 0.0)) return;
-    if ((other_vertex[k] & AWAY) != 0) {
+    if ((other_triangle[k] & AWAY) != 0) {
         behind[l] += found.x;
         return;
     }
-    float stiffening = stiffens_tips ? other_stiffening[k] : 1.0;
+    uvec4 triangle = fetch(triangles, other_triangle[k]);
+    float stiffening = stiffens_tips ? uintBitsToFloat(triangle.w) : 1.0;
     sums[l] += vec4(found.xy, stiffening * found.zw);
     stiff_volumes[l] += stiffening * found.y;
     pushes[l] = vec4(pushes[l].xyz + push.xyz, max(pushes[l].w, push.w));
     if (found.y > greatest[l]) {
         greatest[l] = found.y;
-        vertex_met[l] = other_vertex[k];
+        vertex_met[l] = triangle.x;
     }
+}
+
+// Sets the bits in `flagged` of all lanes that call it with true, and clears the others.
+void flag_lanes(bool is_flagged) {
+    uint lane = gl_LocalInvocationID.x;
+    barrier();
+    for (uint word = lane; word < flagged.length(); word += SIZE) flagged[word] = 0;
+    barrier();
+    if (is_flagged) atomicOr(flagged[lane / 32], 1u << lane % 32);
+    barrier();
+}
+
+// The place of this lane's element in a list of those that are kept, which has `count` elements so far; all lanes' are
+// added to `count`.
+uint place_of(bool keep, inout uint count) {
+    uint lane = gl_LocalInvocationID.x, at = count;
+    flag_lanes(keep);
+    uint word = 0;
+    do {
+        uint below = 32 * word > lane ? 0 : 32 * word + 32 <= lane ? 0xffffffffu : (1u << lane % 32) - 1;
+        at += bitCount(flagged[word] & below);
+        count += bitCount(flagged[word]);
+    } while (++word < flagged.length());
+    return at;
 }
 
 // Box of own triangle `l` in the patch's plane. Returns how far the triangle reaches towards the other skin along the
 // normal, m; very far back if it does not face the other skin.
-float bound_own(mat3 axes, Chunk chunk, uint l, float sign, out vec2 low, out vec2 high) {
+float bound_own(mat3 axes, Chunk chunk, uint l, float sign, out vec4 box) {
     vec3 p[3];
     vec2 base;
     relative_corners(axes, chunk, l, p, base);
-    low = base + min(min(p[0].xy, p[1].xy), p[2].xy);
-    high = base + max(max(p[0].xy, p[1].xy), p[2].xy);
+    box = vec4(base + min(min(p[0].xy, p[1].xy), p[2].xy), base + max(max(p[0].xy, p[1].xy), p[2].xy));
     vec3 area = cross(p[1] - p[0], p[2] - p[0]);
     if (!(sign * area.z > EDGE_ON * length(area))) return -3.0e38;
     return max(sign * p[0].z, max(sign * p[1].z, sign * p[2].z));
 }
 
-// Lists the own triangles that may overlap a chunk of the other skin with these bounds, in their order, and returns
-// their number.
-uint list_own(mat3 axes, Chunk chunk, Slab bound, float sign) {
+vec4 box_of(Slab slab) { return vec4(slab.low, slab.high); }
+
+bool apart(vec4 a, vec4 b) { return any(lessThan(a.zw, b.xy)) || any(greaterThan(a.xy, b.zw)); }
+
+// Greatest value of a plane over a box in the patch's plane.
+float greatest_of(vec3 plane, vec4 box) {
+    return plane.z + dot(plane.xy, mix(box.xy, box.zw, greaterThan(plane.xy, vec2(0.0))));
+}
+
+// How far rounding may move a plane within a box, m.
+float rounding_of(vec3 plane, vec4 box) {
+    return 8.0 * ROUNDING * (abs(plane.z) + dot(abs(plane.xy), max(abs(box.xy), abs(box.zw))));
+}
+
+// The part that two boxes have in common.
+vec4 common_box(vec4 a, vec4 b) { return vec4(max(a.xy, b.xy), min(a.zw, b.zw)); }
+
+// Whether an own triangle with such a box and reach may overlap a chunk of the other skin with these bounds.
+bool may_meet(vec4 box, float reach, Slab other, float sign) {
+    vec4 other_box = box_of(other);
+    vec4 common_part = common_box(box, other_box);
+    vec3 plane = -sign * other.plane;
+    return !apart(box, other_box) && reach >= sign * other.extreme
+        && reach + greatest_of(plane, common_part) + rounding_of(plane, common_part) >= 0.0;
+}
+
+// Whether a chunk of the own skin and one of the other may overlap.
+bool chunks_meet(Slab own, Slab other, float sign) {
+    vec4 common_part = common_box(box_of(own), box_of(other));
+    vec3 between = sign * (own.plane - other.plane);
+    return !apart(box_of(own), box_of(other)) && sign * (own.extreme - other.extreme) >= 0.0
+        && greatest_of(between, common_part) + rounding_of(own.plane, common_part)
+            + rounding_of(other.plane, common_part) >= 0.0;
+}
+
+// Lists the own triangles that may overlap what lies in the box `others` in the patch's plane and reaches as far as
+// `extreme` along the normal, in their order, and returns their number. The first OWNS of them are tested next.
+uint list_own(mat3 axes, Chunk chunk, vec4 others, float extreme, float sign) {
     uint lane = gl_LocalInvocationID.x, count = 0;
     for (uint first = 0; first < chunk.triangle_count; first += SIZE) {
         uint l = first + lane;
         bool keep = false;
+        vec4 box;
+        float reach;
         if (l < chunk.triangle_count) {
-            vec2 low, high;
-            float reach = bound_own(axes, chunk, l, sign, low, high);
-            keep = reach >= sign * bound.extreme && all(lessThanEqual(low, bound.high))
-                && all(greaterThanEqual(high, bound.low));
+            reach = bound_own(axes, chunk, l, sign, box);
+            keep = reach >= sign * extreme && !apart(box, others);
         }
-        is_kept[lane] = keep ? 1 : 0;
-        barrier();
-        uint at = count;
-        for (uint k = 0; k < SIZE; k++) {
-            if (k < lane) at += is_kept[k];
-            count += is_kept[k];
+        uint at = place_of(keep, count);
+        if (keep) {
+            own_listed[at] = l;
+            if (at < OWNS) {
+                own_box[at] = box;
+                own_reach[at] = reach;
+            }
         }
-        if (keep) own_listed[at] = l;
-        barrier();
     }
+    barrier();
     return count;
 }
 
 // How many of `count` elements this lane handles, where each lane handles every SIZE-th element.
 uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
 
-// Which of the `others` listed triangles own triangle `l` may overlap, one bit for each, and their number.
-uint find_met(mat3 axes, Chunk chunk, uint l, uint others, float sign, out uint met[CHUNK_TRIANGLES / 32]) {
-    for (uint word = 0; word < CHUNK_TRIANGLES / 32; word++) met[word] = 0;
-    vec2 low, high;
-    float reach = bound_own(axes, chunk, l, sign, low, high);
-    uint count = 0;
-    due += (others + 31) / 32;
-    for (uint word = 0; 32 * word < others; word++) {
+// Which of the `owns` own triangles that are tested may overlap a chunk of the other skin, one bit for each.
+uint owns_near(uint owns, Slab other, float sign) {
+    uint near = 0;
+    due += owns;
+    for (uint j = 0; j < owns; j++) {
         done++;
-        uint bits = 0;
-        for (uint b = 0; b < 32; b++) {
-            uint k = 32 * word + b;
-            vec2 x = other_places[3 * k], y = other_places[3 * k + 1], z = other_places[3 * k + 2];
-            // How far it reaches towards the own skin.
-            float other_reach = max(-sign * other_heights[3 * k],
-                max(-sign * other_heights[3 * k + 1], -sign * other_heights[3 * k + 2]));
-            bool meets = k < others && all(lessThanEqual(min(min(x, y), z), high))
-                && all(greaterThanEqual(max(max(x, y), z), low)) && reach + other_reach > 0.0;
-            bits |= meets ? 1u << b : 0u;
-        }
-        met[word] = bits;
-        count += bitCount(bits);
+        near |= may_meet(own_box[j], own_reach[j], other, sign) ? 1u << j : 0u;
+    }
+    return near;
+}
+
+// Which of the own triangles `near` a triangle of the other skin may overlap; `reach`: how far it reaches towards the
+// own skin along the normal, m.
+uint owns_met(uint near, vec4 box, float reach) {
+    uint met = 0;
+    due += bitCount(near);
+    for (uint rest = near; rest != 0; rest &= rest - 1) {
+        done++;
+        uint j = findLSB(rest);
+        met |= !apart(own_box[j], box) && own_reach[j] + reach > 0.0 ? 1u << j : 0u;
+    }
+    return met;
+}
+
+// The place of the set bit of `bits` with `before` set bits below it.
+uint set_bit(uint bits, uint before) {
+    due += before;
+    for (uint n = 0; n < before; n++) {
+        done++;
+        bits &= bits - 1;
+    }
+    return findLSB(bits);
+}
+
+// Which of the `others` listed triangles the own triangle of bit `j` may overlap, one bit for each, and their number.
+uint find_met(uint j, uint others, out uint met[CHUNK_TRIANGLES / 32]) {
+    for (uint word = 0; word < CHUNK_TRIANGLES / 32; word++) met[word] = 0;
+    uint count = 0;
+    due += others;
+    for (uint k = 0; k < others; k++) {
+        done++;
+        uint bit = other_meets[k] >> j & 1u;
+        met[k / 32] |= bit << k % 32;
+        count += bit;
     }
     return count;
 }
@@ -318,47 +410,41 @@ uint take(inout uint met[CHUNK_TRIANGLES / 32]) {
     return k;
 }
 
-// Lists the triangles of a chunk that may overlap what lies in the box from `low` to `high`, and returns their number;
-// with `away_alone` only those that face away from the other body. `side` is the side that does not have the chunk. The
-// order is that of the chunk, so that sums do not depend on the device.
-uint list_triangles(mat3 axes, Chunk chunk, uint side, vec2 low, vec2 high, bool away_alone) {
+// Lists triangles of a chunk and returns their number: those that may overlap any of the own triangles `near`, or if
+// there are none, those that face away from the other body within the box `limits`. `side` is the side that does not
+// have the chunk. The order is that of the chunk, so that sums do not depend on the device.
+uint list_triangles(mat3 axes, Chunk chunk, uint side, vec4 limits, uint near) {
     uint lane = gl_LocalInvocationID.x, count = 0;
     for (uint first = 0; first < chunk.triangle_count; first += SIZE) {
-        uint t = first + lane;
+        uint t = first + lane, id = 0, met = 0;
         bool keep = false;
-        uvec4 triangle;
         vec3 corners[3];
-        vec4 box;
         if (t < chunk.triangle_count) {
             uint at = chunk.triangle_first + t;
-            corners_of(axes, fetch(chunk_triangles, at / 4)[at % 4], triangle, corners);
-            box = vec4(min(min(corners[0].xy, corners[1].xy), corners[2].xy),
+            id = fetch(chunk_triangles, at / 4)[at % 4];
+            uvec4 triangle;
+            corners_of(axes, id, triangle, corners);
+            vec4 box = vec4(min(min(corners[0].xy, corners[1].xy), corners[2].xy),
                 max(max(corners[0].xy, corners[1].xy), corners[2].xy));
             vec3 area = cross(corners[1] - corners[0], corners[2] - corners[0]);
-            keep = all(lessThanEqual(box.xy, high)) && all(greaterThanEqual(box.zw, low))
-                && abs(area.z) > EDGE_ON * length(area);
             // The chunk is of b where `side` is a: its triangles face a with normals against n.
             bool away = (side == 0) == (area.z > 0.0);
-            if (away) triangle.x |= AWAY;
-            keep = keep && (away || !away_alone);
+            if (away) id |= AWAY;
+            vec3 heights = vec3(corners[0].z, corners[1].z, corners[2].z) * (side == 0 ? -1.0 : 1.0);
+            met = owns_met(near, box, max(max(heights.x, heights.y), heights.z));
+            keep = !apart(box, limits) && abs(area.z) > EDGE_ON * length(area) && (near == 0 ? away : met != 0);
         }
-        is_kept[lane] = keep ? 1 : 0;
-        barrier();
-        uint at = count;
-        for (uint k = 0; k < SIZE; k++) {
-            if (k < lane) at += is_kept[k];
-            count += is_kept[k];
-        }
+        uint at = place_of(keep, count);
         if (keep) {
             for (uint c = 0; c < 3; c++) {
                 other_places[3 * at + c] = corners[c].xy;
                 other_heights[3 * at + c] = corners[c].z;
             }
-            other_vertex[at] = triangle.x;
-            other_stiffening[at] = uintBitsToFloat(triangle.w);
+            other_triangle[at] = id;
+            other_meets[at] = met;
         }
-        barrier();
     }
+    barrier();
     return count;
 }
 
@@ -379,6 +465,10 @@ uvec2 work_items_of(Pair pair, uint side) {
 // The centre of pressure of own triangle `l` in the patch's plane, relative to its first corner.
 vec2 centre_of(uint l) { return sums[l].zw / stiff_volumes[l]; }
 
+// Distance from an own triangle's centre of pressure to the own far side along the normal, m; takes the place of
+// `greatest` when all sums are known.
+#define thickness greatest
+
 // Finds how thick the own body is at the centres of pressure of triangles that lie behind the other body's far side.
 void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk chunk, Slab slab) {
     uint lane = gl_LocalInvocationID.x;
@@ -390,8 +480,8 @@ void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
         if (work_items[w].y != work_item.y) continue;
         ActiveChunk other = active_chunks[work_items[w].x];
         Slab bound = slab_of(other, work_item.y % PAIR_PATCHES);
-        if (any(lessThan(bound.high, slab.low)) || any(greaterThan(bound.low, slab.high))) continue;
-        uint behind_count = list_triangles(axes, chunks[other.chunk], 1 - side, slab.low, slab.high, true);
+        if (apart(box_of(bound), box_of(slab))) continue;
+        uint behind_count = list_triangles(axes, chunks[other.chunk], 1 - side, box_of(slab), 0);
         due += turns_of(chunk.triangle_count);
         for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
             done++;
@@ -421,6 +511,143 @@ void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
     }
 }
 
+float height_of_key(uint key) {
+    return uintBitsToFloat((key & 0x80000000u) != 0 ? key & 0x7fffffffu : ~key);
+}
+
+// Lists those of the chunks of the other side with work items from `first` to `end`, LISTED of them at most, that may
+// overlap the own chunk in contact patch `patch_index`, and returns their number; `box`: their box in the patch's plane,
+// `extreme`: how far they reach along the normal.
+uint list_others(uint first, uint end, uint patch_index, Slab own, float sign, out vec4 box, out float extreme) {
+    uint lane = gl_LocalInvocationID.x, items = min(LISTED, end - first);
+    barrier();
+    for (uint k = lane; k < 5; k += SIZE) others_bound[k] = 0xffffffffu;
+    for (uint word = lane; word < LISTED / 32; word += SIZE) met_bits[word] = 0;
+    barrier();
+    due += turns_of(items);
+    for (uint k = lane; k < items; k += SIZE) {
+        done++;
+        uvec2 item = work_items[first + k];
+        if (item.y != patch_index) continue;
+        Slab bound = slab_of(active_chunks[item.x], patch_index % PAIR_PATCHES);
+        if (!chunks_meet(own, bound, sign)) continue;
+        atomicOr(met_bits[k / 32], 1u << k % 32);
+        atomicMin(others_bound[0], height_key(bound.low.x));
+        atomicMin(others_bound[1], height_key(bound.low.y));
+        atomicMin(others_bound[2], height_key(-bound.high.x));
+        atomicMin(others_bound[3], height_key(-bound.high.y));
+        atomicMin(others_bound[4], height_key(sign * bound.extreme));
+    }
+    barrier();
+    uint count = 0;
+    for (uint word = 0; word < LISTED / 32; word++) {
+        uint bits = met_bits[word];
+        for (uint bit = lane; bit < 32; bit += SIZE) {
+            if ((bits >> bit & 1) != 0) met_items[count + bitCount(bits & ((1u << bit) - 1))] = first + 32 * word + bit;
+        }
+        count += bitCount(bits);
+    }
+    barrier();
+    box = vec4(height_of_key(others_bound[0]), height_of_key(others_bound[1]), -height_of_key(others_bound[2]),
+        -height_of_key(others_bound[3]));
+    extreme = sign * height_of_key(others_bound[4]);
+    return count;
+}
+
+// Integrates over the overlaps of own triangles with the triangles of a chunk of the other skin. `first_own`: the place
+// in `own_listed` of the first of those that are tested; `near`: which of those may overlap that chunk.
+void integrate_chunk(mat3 axes, Chunk chunk, Chunk other, Slab slab, uint side, uint first_own, uint near) {
+    uint lane = gl_LocalInvocationID.x;
+    float sign = side == 0 ? 1.0 : -1.0;
+    uint others = list_triangles(axes, other, side, box_of(slab), near), owns = bitCount(near);
+    due += (owns + SIZE - 1) / SIZE;
+    for (uint first = 0; first < owns; first += SIZE) {
+        done++;
+        uint l = 0, met[CHUNK_TRIANGLES / 32], count = 0;
+        if (first + lane < owns) {
+            uint j = set_bit(near, first + lane);
+            l = own_listed[first_own + j];
+            count = find_met(j, others, met);
+        }
+        if (first + lane < owns) pair_counts[lane] = count;
+        barrier();
+        uint begin = 0, all = 0;
+        due += min(SIZE, owns - first);
+        for (uint k = 0; k < min(SIZE, owns - first); k++) {
+            done++;
+            if (k < lane) begin += pair_counts[k];
+            all += pair_counts[k];
+        }
+        // The lane's pairs have the places from `begin` on among all pairs of this round.
+        due += 2 * count + (all + PAIRS - 1) / PAIRS;
+        for (uint window = 0; window < all; window += PAIRS) {
+            done++;
+            uint size = min(PAIRS, all - window);
+            uint low = clamp(begin, window, window + size) - window;
+            uint high = clamp(begin + count, window, window + size) - window;
+            for (uint i = low; i < high; i++) {
+                done++;
+                listed[i] = l | take(met) << 16;
+            }
+            barrier();
+            due += turns_of(size);
+            for (uint i = lane; i < size; i += SIZE) {
+                done++;
+                integrate(axes, chunk, i, sign);
+            }
+            barrier();
+            for (uint i = low; i < high; i++) {
+                done++;
+                add(l, listed[i] >> 16, i);
+            }
+            barrier();
+        }
+        barrier();
+    }
+}
+
+// Integrates over the overlaps of `owns` listed own triangles, from place `first_own` on, with the triangles of the `met`
+// listed chunks of the other skin. `r`: number of the patch in its pair.
+void integrate_owns(mat3 axes, Chunk chunk, Slab slab, uint side, uint r, uint met, uint first_own, uint owns) {
+    uint lane = gl_LocalInvocationID.x;
+    float sign = side == 0 ? 1.0 : -1.0;
+    if (first_own > 0) {
+        barrier();
+        due += turns_of(owns);
+        for (uint j = lane; j < owns; j += SIZE) {
+            done++;
+            own_reach[j] = bound_own(axes, chunk, own_listed[first_own + j], sign, own_box[j]);
+        }
+        barrier();
+    }
+    due += turns_of(met);
+    for (uint k = lane; k < met; k += SIZE) {
+        done++;
+        near_owns[k] = owns_near(owns, slab_of(active_chunks[work_items[met_items[k]].x], r), sign);
+    }
+    barrier();
+    due += met;
+    for (uint k = 0; k < met; k++) {
+        done++;
+        if (near_owns[k] == 0) continue;
+        Chunk other = chunks[active_chunks[work_items[met_items[k]].x].chunk];
+        integrate_chunk(axes, chunk, other, slab, side, first_own, near_owns[k]);
+    }
+}
+
+void clear_sums(Chunk chunk) {
+    uint lane = gl_LocalInvocationID.x;
+    due += turns_of(chunk.triangle_count);
+    for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
+        done++;
+        sums[l] = pushes[l] = vec4(0.0);
+        stiff_volumes[l] = behind[l] = greatest[l] = 0.0;
+        vertex_met[l] = 0;
+    }
+    if (lane == 0) any_behind = 0;
+    barrier();
+}
+
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uvec2 work_item = work_items[gl_WorkGroupID.x];
@@ -439,68 +666,32 @@ void main() {
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
         done++;
         overlap_at[gl_WorkGroupID.x * CHUNK_TRIANGLES + l] = NONE;
-        sums[l] = pushes[l] = vec4(0.0);
-        stiff_volumes[l] = behind[l] = greatest[l] = 0.0;
-        thickness[l] = 3.0e38;
-        vertex_met[l] = 0;
     }
-    if (lane == 0) any_behind = 0;
     uvec2 range = work_items_of(pair, 1 - side);
-    due += range.y - range.x;
-    for (uint w = range.x; w < range.y; w++) {
+    bool any_met = false;
+    due += (range.y - range.x + LISTED - 1) / LISTED;
+    for (uint first = range.x; first < range.y; first += LISTED) {
         done++;
-        if (work_items[w].y != work_item.y) continue;
-        ActiveChunk other = active_chunks[work_items[w].x];
-        Slab bound = slab_of(other, r);
-        bool beside = any(lessThan(bound.high, slab.low)) || any(greaterThan(bound.low, slab.high));
-        if (beside || sign * (slab.extreme - bound.extreme) < 0.0) continue;
-        uint owns = list_own(axes, chunk, bound, sign);
-        if (owns == 0) continue;
-        uint others = list_triangles(axes, chunks[other.chunk], side, slab.low, slab.high, false);
-        due += (owns + SIZE - 1) / SIZE;
-        for (uint first = 0; first < owns; first += SIZE) {
+        vec4 others;
+        float extreme;
+        uint met = list_others(first, range.y, work_item.y, slab, sign, others, extreme);
+        uint listed_owns = met > 0 ? list_own(axes, chunk, others, extreme, sign) : 0;
+        if (listed_owns == 0) continue;
+        if (!any_met) clear_sums(chunk);
+        any_met = true;
+        due += (listed_owns + OWNS - 1) / OWNS;
+        for (uint own = 0; own < listed_owns; own += OWNS) {
             done++;
-            uint l = 0, met[CHUNK_TRIANGLES / 32], count = 0;
-            if (first + lane < owns) {
-                l = own_listed[first + lane];
-                count = find_met(axes, chunk, l, others, sign, met);
-            }
-            is_kept[lane] = count;
-            barrier();
-            uint begin = 0, all = 0;
-            for (uint k = 0; k < SIZE; k++) {
-                if (k < lane) begin += is_kept[k];
-                all += is_kept[k];
-            }
-            // The lane's pairs have the places from `begin` on among all pairs of this round.
-            due += 2 * count + (all + PAIRS - 1) / PAIRS;
-            for (uint window = 0; window < all; window += PAIRS) {
-                done++;
-                uint size = min(PAIRS, all - window);
-                uint low = clamp(begin, window, window + size) - window;
-                uint high = clamp(begin + count, window, window + size) - window;
-                for (uint i = low; i < high; i++) {
-                    done++;
-                    listed[i] = l | take(met) << 16;
-                }
-                barrier();
-                due += turns_of(size);
-                for (uint i = lane; i < size; i += SIZE) {
-                    done++;
-                    integrate(axes, chunk, i, sign);
-                }
-                barrier();
-                for (uint i = low; i < high; i++) {
-                    done++;
-                    add(l, listed[i] >> 16, i);
-                }
-                barrier();
-            }
-            barrier();
+            integrate_owns(axes, chunk, slab, side, r, met, own, min(OWNS, listed_owns - own));
         }
+    }
+    if (!any_met) {
+        if (done != due) atomicOr(counts.flags, FLAG_CONTACT_OVERFLOW);
+        return;
     }
     barrier();
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
+        thickness[l] = 3.0e38;
         if (behind[l] > 0.0 && sums[l].y > 0.0) atomicOr(any_behind, 1);
         else behind[l] = 0.0;
     }

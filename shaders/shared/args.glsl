@@ -16,15 +16,17 @@ const uint ARGS_DEEPEST = 4;        // one workgroup of contact/deepest; none if
 const uint ARGS_CONTACTS = 5;       // one invocation for each contact
 const uint ARGS_NODES = 6;          // one workgroup for each node with contacts
 const uint ARGS_GATHERING = 7;      // one workgroup for each active chunk whose vertices are tested for contact
-const uint ARGS_LOOP_ELEMENT_PRODUCT = 8;     // one invocation for each tetrahedron, in the solver's loop
-const uint ARGS_LOOP_CONTACT_PRODUCT = 9;     // one invocation for each contact, in the solver's loop
-const uint ARGS_LOOP_PATCHES = 10;  // one invocation for each F-bar patch, in the solver's loop
-const uint ARGS_LOOP_FREE = 11;     // one workgroup for each block of free nodes, in the solver's loop
-const uint ARGS_LOOP_ATTACHED = 12;  // one workgroup for each block of nodes attached to dynamic cores, in the loop
-const uint ARGS_LOOP_TOOL = 13;     // one workgroup for the six equations of the tool, in the solver's loop
-const uint ARGS_COMMIT = 14;        // one invocation for each node, once the step is accepted
-const uint ARGS_WRENCH = 15;        // one workgroup of wrench/reduce, once the step is accepted
-const uint ARGS_GAP = 16;           // one workgroup of wrench/gap for each part of skin that the tool may touch
+// One workgroup for each active chunk whose skin is tested for contact, and each of its contact patches.
+const uint ARGS_OVERLAPS = 8;
+const uint ARGS_LOOP_ELEMENT_PRODUCT = 9;     // one invocation for each tetrahedron, in the solver's loop
+const uint ARGS_LOOP_CONTACT_PRODUCT = 10;     // one invocation for each contact, in the solver's loop
+const uint ARGS_LOOP_PATCHES = 11;  // one invocation for each F-bar patch, in the solver's loop
+const uint ARGS_LOOP_FREE = 12;     // one workgroup for each block of free nodes, in the solver's loop
+const uint ARGS_LOOP_ATTACHED = 13;  // one workgroup for each block of nodes attached to dynamic cores, in the loop
+const uint ARGS_LOOP_TOOL = 14;     // one workgroup for the six equations of the tool, in the solver's loop
+const uint ARGS_COMMIT = 15;        // one invocation for each node, once the step is accepted
+const uint ARGS_WRENCH = 16;        // one workgroup of wrench/reduce, once the step is accepted
+const uint ARGS_GAP = 17;           // one workgroup of wrench/gap for each part of skin that the tool may touch
 const uint ARGS_DRAW = 20;          // draw of the depth stage's graphics version: a VkDrawIndirectCommand (four words)
 
 layout(constant_id = 10) const uint GROUP = 64;   // workgroup size of kernels with one invocation for each item

@@ -40,7 +40,7 @@ impl Overlaps {
         })
     }
 
-    /// Records one pass, with a workgroup for each work item.
+    /// Records one pass, with a workgroup for each work item whose skin is tested for contact.
     pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, cull: &Cull, skin: &Skin) {
         recorder.stage(depth::STAGE);
         let arguments = shaders::depth::Overlaps {
@@ -60,6 +60,6 @@ impl Overlaps {
             overlaps: &self.overlaps,
             overlap_at: &self.overlap_at,
         };
-        recorder.dispatch_indirect(&self.integrate, &arguments, &common.args, shaders::ARGS_WORK_ITEMS);
+        recorder.dispatch_indirect(&self.integrate, &arguments, &common.args, shaders::ARGS_OVERLAPS);
     }
 }

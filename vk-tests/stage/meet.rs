@@ -109,6 +109,8 @@ fn lists_of_slots_are_joined_in_order() {
             );
             let gather = want.iter().filter(|entry| (entry.pair_proxy as usize) < gathering).count();
             assert_eq!([groups(shaders::ARGS_GATHERING), count.gathering as usize], [gather; 2]);
+            let tested = work_items.iter().filter(|item| (item[0] as usize) < gather).count();
+            assert_eq!(groups(shaders::ARGS_OVERLAPS), tested);
             assert_eq!(
                 words[3 * shaders::ARGS_DRAW as usize + 1] as usize,
                 work_items.len(),

@@ -68,7 +68,7 @@ impl Flow {
 
     /// Runs depth/overlaps, which integrates the depth over triangles.
     pub fn overlap(&mut self) {
-        let (groups, model) = (self.groups(shaders::ARGS_WORK_ITEMS), &self.model);
+        let (groups, model) = (self.groups(shaders::ARGS_OVERLAPS), &self.model);
         let out = case("depth/overlaps")
             .size(Size::Reduce)
             .constant("PAIR_PROXIES", model.pair_proxies.len() as u32)
