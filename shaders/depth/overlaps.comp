@@ -69,7 +69,7 @@ shared float other_heights[3 * CHUNK_TRIANGLES];
 shared uint other_triangle[CHUNK_TRIANGLES];
 shared uint other_meets[CHUNK_TRIANGLES];   // which of the own triangles that are tested it may overlap, one bit for each
 shared uint flagged[(SIZE + 31) / 32];      // one bit for each lane, set by `flag_lanes`
-shared uint pair_counts[OWNS];              // number of pairs of each own triangle that is tested
+shared uint pair_counts[OWNS];              // number of pairs of each lane's own triangle
 shared uint own_listed[CHUNK_TRIANGLES];    // own triangles that may overlap the other skin
 // Of those that are tested: box in the patch's plane (low and high corner, m), and how far each reaches towards the
 // other skin along the normal, m.
@@ -210,10 +210,13 @@ void relative_corners(mat3 axes, Chunk chunk, uint l, out vec3 p[3], out vec2 ba
     for (uint c = 0; c < 3; c++) p[c].xy -= base;
 }
 
+// The own and the other triangle of the pair in place `i` of the list. A pair that an ended loop left unlisted must not
+// reach beyond the arrays.
+uvec2 pair_at(uint i) { return min(uvec2(listed[i] & 0xffffu, listed[i] >> 16), uvec2(CHUNK_TRIANGLES - 1)); }
+
 // Integrates over the overlap of the pair in place `i` of the list. `sign`: 1 if the own triangle is of a, -1 if of b.
 void integrate(mat3 axes, Chunk chunk, uint i, float sign) {
-    // A pair that an ended loop left unlisted must not reach beyond the arrays.
-    uint l = min(listed[i] & 0xffffu, CHUNK_TRIANGLES - 1), k = min(listed[i] >> 16, CHUNK_TRIANGLES - 1);
+    uint l = pair_at(i).x, k = pair_at(i).y;
     vec3 p[3], q[3];
     vec2 base;
     relative_corners(axes, chunk, l, p, base);
@@ -328,7 +331,9 @@ bool chunks_meet(Slab own, Slab other, float sign) {
 // `extreme` along the normal, in their order, and returns their number. The first OWNS of them are tested next.
 uint list_own(mat3 axes, Chunk chunk, vec4 others, float extreme, float sign) {
     uint lane = gl_LocalInvocationID.x, count = 0;
+    due += (chunk.triangle_count + SIZE - 1) / SIZE;
     for (uint first = 0; first < chunk.triangle_count; first += SIZE) {
+        done++;
         uint l = first + lane;
         bool keep = false;
         vec4 box;
@@ -415,7 +420,9 @@ uint take(inout uint met[CHUNK_TRIANGLES / 32]) {
 // have the chunk. The order is that of the chunk, so that sums do not depend on the device.
 uint list_triangles(mat3 axes, Chunk chunk, uint side, vec4 limits, uint near) {
     uint lane = gl_LocalInvocationID.x, count = 0;
+    due += (chunk.triangle_count + SIZE - 1) / SIZE;
     for (uint first = 0; first < chunk.triangle_count; first += SIZE) {
+        done++;
         uint t = first + lane, id = 0, met = 0;
         bool keep = false;
         vec3 corners[3];
@@ -566,7 +573,7 @@ void integrate_chunk(mat3 axes, Chunk chunk, Chunk other, Slab slab, uint side, 
         uint l = 0, met[CHUNK_TRIANGLES / 32], count = 0;
         if (first + lane < owns) {
             uint j = set_bit(near, first + lane);
-            l = own_listed[first_own + j];
+            l = min(own_listed[first_own + j], CHUNK_TRIANGLES - 1);
             count = find_met(j, others, met);
         }
         if (first + lane < owns) pair_counts[lane] = count;
@@ -598,7 +605,7 @@ void integrate_chunk(mat3 axes, Chunk chunk, Chunk other, Slab slab, uint side, 
             barrier();
             for (uint i = low; i < high; i++) {
                 done++;
-                add(l, listed[i] >> 16, i);
+                add(pair_at(i).x, pair_at(i).y, i);
             }
             barrier();
         }
@@ -616,7 +623,8 @@ void integrate_owns(mat3 axes, Chunk chunk, Slab slab, uint side, uint r, uint m
         due += turns_of(owns);
         for (uint j = lane; j < owns; j += SIZE) {
             done++;
-            own_reach[j] = bound_own(axes, chunk, own_listed[first_own + j], sign, own_box[j]);
+            uint l = min(own_listed[first_own + j], chunk.triangle_count - 1);
+            own_reach[j] = bound_own(axes, chunk, l, sign, own_box[j]);
         }
         barrier();
     }
@@ -690,7 +698,9 @@ void main() {
         return;
     }
     barrier();
+    due += 2 * turns_of(chunk.triangle_count);
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
+        done++;
         thickness[l] = 3.0e38;
         if (behind[l] > 0.0 && sums[l].y > 0.0) atomicOr(any_behind, 1);
         else behind[l] = 0.0;
@@ -698,6 +708,7 @@ void main() {
     barrier();
     if (any_behind != 0) measure_thickness(axes, work_item, pair, side, chunk, slab);
     for (uint l = lane; l < chunk.triangle_count; l += SIZE) {
+        done++;
         vec4 sum = sums[l];
         if (!(sum.y > 0.0)) continue;
         // How far the mean depth is beyond the own far side, smoothly, so that the force does not jump.

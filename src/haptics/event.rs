@@ -137,7 +137,7 @@ impl Event {
         },
         Explanation {
             title: "the force was damped to stay stable",
-            meaning: "The passivity controller damped the force, because the hand would otherwise have received \
+            meaning: "The passivity controller damped or withheld the force, because the hand would otherwise have received \
              more energy than it gave.",
             remedy: None,
         },

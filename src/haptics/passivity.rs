@@ -109,7 +109,7 @@ pub struct Passivity {
     variation: f64,
     /// The greatest force played, N.
     peak: f64,
-    /// Share of the wrench that is withheld because much energy was missing in the last ticks; see [`WITHHELD`].
+    /// Share of the wrench that is withheld because much energy was missing in the last ticks; see [`WITHHOLD`].
     withheld: f64,
 }
 
@@ -259,19 +259,21 @@ impl Passivity {
         if !self.is_on {
             return none;
         }
-        let carried = self.quantum_worth(wanted.force.length());
         if self.may_swing {
             return self.shorten(wanted, device, period);
         }
         self.withheld = (self.withheld - period / RETURN).max(0.0);
         let (v, w) = (device.velocity, device.angular_velocity);
-        self.energy.damped += self.withheld * (wanted.force.dot(v) + wanted.torque.dot(w)).max(0.0) * period;
+        let whole = wanted.force.dot(v) + wanted.torque.dot(w);
         let played = 1.0 - self.withheld;
         let wanted = Wrench { force: played * wanted.force, torque: played * wanted.torque };
         let none = Control { wrench: wanted, ..none };
         if !self.has_moved {
             return none;
         }
+        // What is withheld of a force against the motion costs the hand no energy.
+        self.energy.damped += self.withheld * whole.max(0.0) * period;
+        let carried = self.quantum_worth(wanted.force.length());
         let power = [wanted.force.dot(v), wanted.torque.dot(w)];
         let missing = (power[0] + power[1]) * period - self.surplus(0.0);
         if power[0] + power[1] <= 0.0 || missing <= 0.0 {
@@ -457,7 +459,8 @@ mod tests {
             assert!((1.0 - played - withheld).abs() < 1e-9, "tick {n}: {played} of the force is played");
         }
         assert_eq!((passivity.withheld, passivity.energy().damped), (0.0, damped));
-        // A deficit that lasts withholds about as much at every rate, in the mean: 1 - WITHHOLD / RETURN.
+        // A deficit that lasts withholds about as much at every rate, in the mean: from two thirds, where what is left
+        // takes no more than 10 N s/m, to 1 - WITHHOLD / RETURN.
         for rate in [50.0, 250.0, 1000.0, 4000.0] {
             passivity.withheld = 0.0;
             let damped = passivity.energy().damped;
@@ -466,8 +469,7 @@ mod tests {
                 passivity.control(push(3.0), &at(1e-3, 0.1), 1.0 / rate, 1.0);
                 withheld += passivity.withheld / (0.4 * rate);
             }
-            let most = 1.0 - WITHHOLD / RETURN;
-            assert!((withheld / most - 1.0).abs() < 0.15, "{rate} Hz: {withheld} withheld");
+            assert!((0.6..0.9).contains(&withheld), "{rate} Hz: {withheld} withheld");
             // All of the work of 3 N over 40 mm was removed, by damping or by what was withheld.
             assert!((passivity.energy().damped - damped - 0.12).abs() < 1e-9, "{rate} Hz: {:?}", passivity.energy());
         }

@@ -138,4 +138,34 @@ mod tests {
             "contact stiffness {inside} N/m^3 with the soft region inside, {corner} N/m^3 at a corner; expected ratio 3"
         );
     }
+
+    /// The contact law of a soft and a rigid box, or of two rigid ones, with these keys of `[contact]`.
+    fn law(contact: &str, both_are_rigid: bool) -> Law {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.toml");
+        let soft = "layer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
+                    material = { young = 1e5, poisson = 0.0, density = 1000 }";
+        let kind = |is_rigid: bool| if is_rigid { "surface = \"tip.obj\"" } else { soft };
+        let tip = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+        std::fs::write(folder.path().join("tip.obj"), tip).unwrap();
+        let body_of = |name: &str, is_rigid| format!("[[body]]\nname = \"{name}\"\n{}\n", kind(is_rigid));
+        std::fs::write(
+            &file,
+            format!("contact = {{ {contact} }}\n{}{}", body_of("a", both_are_rigid), body_of("b", true)),
+        )
+        .unwrap();
+        let scene = Scene::load(&file).unwrap();
+        let bodies: Vec<Body> = scene.bodies.iter().map(|b| body(b, &scene).unwrap()).collect();
+        parameters(&scene, [&bodies[0], &bodies[1]], &[&bodies[0], &bodies[1]])
+    }
+
+    #[test]
+    fn a_stiffness_or_damping_that_is_given_is_taken_at_tips_too() {
+        let stiffens = |contact: &str| law(contact, false).stiffens_tips;
+        assert_eq!(stiffens(""), [true, true]);
+        assert_eq!(stiffens("damping = 3.0"), [true, false]);
+        assert_eq!(stiffens("stiffness = 1e6"), [false, false]);
+        assert_eq!((law("stiffness = 1e6", false).stiffness, law("damping = 3.0", false).damping), (1e6, 3.0));
+        assert_eq!(law("", true).stiffens_tips, [false, false]);
+    }
 }

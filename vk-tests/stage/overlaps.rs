@@ -282,6 +282,20 @@ fn more_overlaps_than_fit_are_flagged() {
     assert_eq!(flow_of(all - 1), (all - 1, CONTACT_OVERFLOW));
 }
 
+#[test]
+fn a_tool_of_more_chunks_than_are_looked_at_at_a_time_overlaps_as_in_the_oracle() {
+    let coarse = cuboid(DVec3::new(0.03, 0.02, 0.03), [8, 5, 8]);
+    let (name, turn) = ("finest sphere on coarse skin", DQuat::IDENTITY);
+    let case = Case { name, tool: sphere(0.01, 6), body: coarse, turn, body_turn: turn, tilt: 3.0 };
+    let (body, tool) = posed(&case, 5e-3, &mut Random(93));
+    let flow = flow(&body, &tool, Samples::Triangles);
+    let others = flow.counts.work_items - flow.args[3 * shaders::ARGS_OVERLAPS as usize];
+    assert!(others > 64, "{others} chunks of the tool");
+    let [force, torque] = net_error(&flow, &body, &tool).unwrap();
+    println!("{others} chunks; errors of force and torque {force:.1e} and {torque:.1e}");
+    assert!(force < NET && torque < NET && flow.counts.flags == 0);
+}
+
 /// Error of net force and torque of a flow's contacts, against f64 along the same normal: relative to the force, and to
 /// the larger of the torque and the force at an arm of 1 mm. `None` if there are several patches.
 fn net_error(flow: &Flow, body: &Body, tool: &Body) -> Option<[f64; 2]> {
