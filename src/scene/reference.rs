@@ -202,8 +202,8 @@ pub const CONTACT: TableKeys = TableKeys {
             "What of a skin is tested for contact: its vertices, or its triangles, over each of which the depth is \
              integrated. Triangles need a rigid, nearly convex body in the pair, with one hull and no dynamics of its \
              own but the tool's, and are those of the other body; `auto` takes them where that rigid body has sharp \
-             edges or the coarser skin, unless they are larger than half its second longest side, and without sharp \
-             edges where they are larger than a quarter of that side, unless the other body is a thin sheet.",
+             edges or the coarser skin, unless their edges are longer than three quarters of the second longest side \
+             of either body.",
         ),
     ],
 };
