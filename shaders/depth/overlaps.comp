@@ -50,6 +50,8 @@ READ_ONLY(vec4, skin);
 layout(scalar) writeonly buffer Overlaps { Overlap overlaps[]; };
 layout(scalar) writeonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRIANGLES for each work item: overlap, or NONE
 
+#include "shared/turns.glsl"
+
 // Cosine of the angle between a triangle's normal and the patch's below which the triangle is seen edge-on, and left
 // out.
 const float EDGE_ON = 0.001;
@@ -67,17 +69,16 @@ const float ROUNDING = 2.0e-7;
 shared vec2 other_places[3 * CHUNK_TRIANGLES];
 shared float other_heights[3 * CHUNK_TRIANGLES];
 shared uint other_triangle[CHUNK_TRIANGLES];
-shared uint other_meets[CHUNK_TRIANGLES];   // which of the own triangles that are tested it may overlap, one bit for each
-shared uint flagged[(SIZE + 31) / 32];      // one bit for each lane, set by `flag_lanes`
+shared uint other_meets[CHUNK_TRIANGLES];   // own triangles that it may overlap, one bit for each
+shared uint flagged[(SIZE + 31) / 32];      // one bit for each lane, for `place_of`
 shared uint pair_counts[OWNS];              // number of pairs of each lane's own triangle
 shared uint own_listed[CHUNK_TRIANGLES];    // own triangles that may overlap the other skin
-// Of those that are tested: box in the patch's plane (low and high corner, m), and how far each reaches towards the
-// other skin along the normal, m.
-shared vec4 own_box[OWNS];
-shared float own_reach[OWNS];
+// At most OWNS of the listed own triangles are tested at a time. For each of these:
+shared vec4 own_box[OWNS];                  // its box in the patch's plane: low and high corner, m
+shared float own_reach[OWNS];               // how far it reaches towards the other skin along the normal, m
 shared uint met_items[LISTED];              // work items of chunks of the other skin that may overlap the own chunk
-shared uint met_bits[LISTED / 32];          // which of the chunks that are looked at these are
-shared uint near_owns[LISTED];              // which of the own triangles that are tested may overlap each of those
+shared uint met_bits[LISTED / 32];          // one bit for each chunk that is looked at: whether it is among these
+shared uint near_owns[LISTED];              // own triangles that may overlap each of these, one bit for each triangle
 shared uint others_bound[5];                // keys of the bounds of `list_others`
 shared uint any_behind;                     // whether any own triangle lies behind the other body's far side
 // Pairs of an own triangle and one of the other chunk (own in the lower half, other in the upper half of a word), and
@@ -256,21 +257,15 @@ void add(uint l, uint k, uint i) {
     }
 }
 
-// Sets the bits in `flagged` of all lanes that call it with true, and clears the others.
-void flag_lanes(bool is_flagged) {
-    uint lane = gl_LocalInvocationID.x;
-    barrier();
-    for (uint word = lane; word < flagged.length(); word += SIZE) flagged[word] = 0;
-    barrier();
-    if (is_flagged) atomicOr(flagged[lane / 32], 1u << lane % 32);
-    barrier();
-}
-
 // The place of this lane's element in a list of those that are kept, which has `count` elements so far; all lanes' are
 // added to `count`.
 uint place_of(bool keep, inout uint count) {
     uint lane = gl_LocalInvocationID.x, at = count;
-    flag_lanes(keep);
+    barrier();
+    for (uint word = lane; word < flagged.length(); word += SIZE) flagged[word] = 0;
+    barrier();
+    if (keep) atomicOr(flagged[lane / 32], 1u << lane % 32);
+    barrier();
     uint word = 0;
     do {
         uint below = 32 * word > lane ? 0 : 32 * word + 32 <= lane ? 0xffffffffu : (1u << lane % 32) - 1;
@@ -354,9 +349,6 @@ uint list_own(mat3 axes, Chunk chunk, vec4 others, float extreme, float sign) {
     barrier();
     return count;
 }
-
-// How many of `count` elements this lane handles, where each lane handles every SIZE-th element.
-uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
 
 // Which of the `owns` own triangles that are tested may overlap a chunk of the other skin, one bit for each.
 uint owns_near(uint owns, Slab other, float sign) {
@@ -516,10 +508,6 @@ void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
         }
         barrier();
     }
-}
-
-float height_of_key(uint key) {
-    return uintBitsToFloat((key & 0x80000000u) != 0 ? key & 0x7fffffffu : ~key);
 }
 
 // Lists those of the chunks of the other side with work items from `first` to `end`, LISTED of them at most, that may

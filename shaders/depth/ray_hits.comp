@@ -39,12 +39,10 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 #include "shared/depth_grid.glsl"
 #include "shared/covered_cells.glsl"
 #include "shared/ray_hit.glsl"
+#include "shared/turns.glsl"
 
 // Number of cells above which all lanes share a triangle.
 const uint SHARED = 32;
-
-// How many of `count` elements this lane handles, where each lane handles every SIZE-th element.
-uint turns_of(uint count) { return (count + SIZE - 1 - gl_LocalInvocationID.x) / SIZE; }
 
 uint count_of(ivec2 first, ivec2 last) { return uint(last.x - first.x + 1) * uint(last.y - first.y + 1); }
 

@@ -13,6 +13,8 @@ uint height_key(float height) {
     return (bits & 0x80000000u) != 0 ? ~bits : bits | 0x80000000u;
 }
 
+float height_of_key(uint key) { return uintBitsToFloat((key & 0x80000000u) != 0 ? key & 0x7fffffffu : ~key); }
+
 // Sort key of a height, which grows in the direction in which `side` reaches towards the other body. The ray of a
 // vertex of the other side may meet a triangle of `side` only where the triangle's key is at least the vertex's key.
 uint depth_key(uint side, float height) { return side == 0 ? height_key(height) : ~height_key(height); }
