@@ -1,6 +1,6 @@
 //! Checks of the Markdown pages, made before the book (the pages in docs/) is built: every link of a page must lead
 //! somewhere; docs/SUMMARY.md must list each page of the book once; the first paragraph of a page must say whom the
-//! page is for; and no long sentence may stand both in README.md and in the book.
+//! page is for; README.md must be short, and no long sentence may stand both in it and in the book.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -12,6 +12,8 @@ use crate::pages;
 
 /// The page that lists the pages of the book.
 const SUMMARY: &str = "docs/SUMMARY.md";
+/// Most lines of README.md.
+const FRONT_LINES: usize = 150;
 /// Sentences with at most this many characters may stand both in README.md and in the book.
 const SHORT: usize = 60;
 /// Text with which the first paragraph of each page of the book must begin, to say whom the page is for.
@@ -26,10 +28,12 @@ struct Page {
     anchors: BTreeSet<String>,
     /// Text of each paragraph; code blocks and tables are left out.
     paragraphs: Vec<String>,
+    /// Number of lines.
+    lines: usize,
 }
 
 fn parse(text: &str) -> Page {
-    let mut page = Page::default();
+    let mut page = Page { lines: text.lines().count(), ..Page::default() };
     let (mut heading, mut paragraph) = (None::<String>, None::<String>);
     for event in Parser::new_ext(text, Options::ENABLE_TABLES) {
         match event {
@@ -101,7 +105,13 @@ pub fn problems(root: &Path) -> io::Result<Vec<String>> {
                 .push(format!("{}: does not begin with \"{AUDIENCE}..\": say whom the page is for", name.display()));
         }
     }
-    let front = pages.get(Path::new("README.md")).map(sentences).unwrap_or_default();
+    let front = pages.get(Path::new("README.md"));
+    let lines = front.map_or(0, |page| page.lines);
+    if lines > FRONT_LINES {
+        problems
+            .push(format!("README.md: has {lines} lines, of which {FRONT_LINES} are allowed: move some to the book"));
+    }
+    let front = front.map(sentences).unwrap_or_default();
     for (name, page) in pages.iter().filter(|(name, _)| of_book(name)) {
         for twice in sentences(page).intersection(&front) {
             problems.push(format!("{}: a sentence stands in README.md as well: {twice}", name.display()));
@@ -170,6 +180,7 @@ mod tests {
             (front, summary, sound.replace("For some", "Some"), "say whom the page is for"),
             (front, "- [One](one.md)\n", sound.into(), "docs/two.md: stands 0 times"),
             (long, summary, format!("# Two\n\nFor some. {long}\n"), "stands in README.md as well"),
+            (&"Text.\n".repeat(FRONT_LINES + 1), summary, sound.into(), &format!("has {} lines", FRONT_LINES + 1)),
         ] {
             let found = problems_of(front, summary, &page);
             assert!(found.len() == 1 && found[0].contains(problem), "expected \"{problem}\", found {found:?}");

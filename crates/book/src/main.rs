@@ -3,7 +3,7 @@
 //!
 //! A link must lead to a file of the repository, or to a heading of a page; links to other sites are not followed.
 //! Every page of docs/ is listed in docs/SUMMARY.md and begins, below its title, with a sentence that says whom it is
-//! for. No long sentence of README.md stands in a page of the book as well.
+//! for. README.md has at most 150 lines, and no long sentence of it stands in a page of the book as well.
 
 mod check;
 #[cfg(feature = "html")]
