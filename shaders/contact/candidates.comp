@@ -69,9 +69,9 @@ READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four per texel
 layout(scalar) readonly buffer Overlaps { Overlap overlaps[]; };
 layout(scalar) readonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRIANGLES for each work item: overlap, or NONE
 
-// Cosines of the angle between a contact's normal and a triangle around a vertex: above the second the triangle is a face
-// that lies on the contact, below the first it is none. Where there is a face, what is steeper than WALL counts the less
-// the steeper it is.
+// Cosines of the angle between a contact's normal and a triangle around a vertex: above the second the triangle is a
+// face that lies on the contact, below the first it is none. Where there is a face, what is steeper than WALL counts
+// the less the steeper it is.
 const vec2 FACE = vec2(0.7, 0.95);
 const float WALL = 0.5;
 
@@ -250,8 +250,8 @@ void find_candidates(ActiveChunk entry, Chunk chunk, Pair pair) {
             proxy_pair = pair.first_proxy_pair + a * pair.proxy_count[1] + b;
         }
         // The push is depth times rest area times the normal, turned to point from a to b; culling uses it in the next
-        // step. The walls beside the rim of a flat face do not count: seldom do as many vertices of one rim collide as of
-        // the opposite one, so that they would tilt the contact normal.
+        // step. The walls beside the rim of a flat face do not count: seldom do as many vertices of one rim collide as
+        // of the opposite one, so that they would tilt the contact normal.
         candidate_pushes[at] = uvec4(floatBitsToUint(depth * areas[vertex] * sign * faced), proxy_pair);
     }
     // If these numbers differ, the driver ended the loop early.

@@ -7,17 +7,18 @@
 #include "shared/args.glsl"
 #include "shared/contact_law.glsl"
 
-// Contact stage of a step: writes for each contact (a skin vertex inside the other body) the record that the solver
-// reads. A contact's relative velocity along its normal n is J v = n.(v(s1) - v(s2)), with s1 and s2 its points on
-// bodies a and b. The Jacobian J is kept as at most sixteen weighted nodes and, where the tool (rigid body that the
-// haptic device leads) takes part, the tool's twist. A vertex of a soft body moves with the four nodes of its
-// tetrahedron; the point opposite to the vertex lies in a triangle of the other body, whose corners move with four to
-// twelve nodes. The kernel also writes J v at the start of the step and the friction coefficient, which
-// holds for a predicted sliding speed (shared/contact_law.glsl).
+// Contact stage of a step: writes for each contact (a skin vertex inside the other body, or the overlap of a triangle
+// with it) the record that the solver reads. A contact's relative velocity along its normal n is J v = n.(v(s1) -
+// v(s2)), with s1 and s2 its points on bodies a and b. The Jacobian J is kept as at most sixteen weighted nodes and,
+// where the tool (rigid body that the haptic device leads) takes part, the tool's twist. A vertex of a soft body moves
+// with the four nodes of its tetrahedron; the point opposite to the vertex lies in a triangle of the other body, whose
+// corners move with four to twelve nodes. The kernel also writes J v at the start of the step and the friction
+// coefficient, which holds for a predicted sliding speed (shared/contact_law.glsl).
 //
 // Each entry (node, weight) of a contact goes onto one of the lists of that node, from which contact/sort makes the
 // transposed index from nodes to contacts. One invocation runs for each contact. The f64 reference implementation is
-// oracle::contact::gather; the test also follows the lists. A frame is the rigid coordinate frame of a body.
+// oracle::contact (gather, gather_triangles); the test also follows the lists. A frame is the rigid coordinate frame of
+// a body.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const bool FRICTION = false;

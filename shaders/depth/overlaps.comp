@@ -23,11 +23,11 @@
 // and is no contact if the other body is also behind the own far side, as it is under an overhang of the own body. If
 // it is not, the other body is a thin one that lies wholly within the own, and is pushed out as any other.
 //
-// One workgroup runs for each work item of a gathering skin: an active chunk in one patch. A chunk is a group of at most
-// 64 skin vertices with their triangles. The workgroup lists the chunks of the other skin that may overlap its own, then
-// the own triangles that may overlap any of those, and takes chunk after chunk: the triangles that meet listed ones, and
-// the pairs of triangles, which all lanes integrate. It appends an `Overlap` for each own triangle that has one, and
-// writes where it is. The f64 reference implementation is oracle::overlap.
+// One workgroup runs for each work item of a gathering skin: an active chunk in one patch. A chunk is a group of at
+// most 64 skin vertices with their triangles. The workgroup lists the chunks of the other skin that may overlap its
+// own, then the own triangles that may overlap any of those, and takes chunk after chunk: the triangles that meet
+// listed ones, and the pairs of triangles, which all lanes integrate. It appends an `Overlap` for each own triangle
+// that has one, and writes where it is. The f64 reference implementation is oracle::overlap.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -511,8 +511,8 @@ void measure_thickness(mat3 axes, uvec2 work_item, Pair pair, uint side, Chunk c
 }
 
 // Lists those of the chunks of the other side with work items from `first` to `end`, LISTED of them at most, that may
-// overlap the own chunk in contact patch `patch_index`, and returns their number; `box`: their box in the patch's plane,
-// `extreme`: how far they reach along the normal.
+// overlap the own chunk in contact patch `patch_index`, and returns their number. `box`: their box in the patch's
+// plane; `extreme`: how far they reach along the normal.
 uint list_others(uint first, uint end, uint patch_index, Slab own, float sign, out vec4 box, out float extreme) {
     uint lane = gl_LocalInvocationID.x, items = min(LISTED, end - first);
     barrier();
@@ -601,8 +601,8 @@ void integrate_chunk(mat3 axes, Chunk chunk, Chunk other, Slab slab, uint side, 
     }
 }
 
-// Integrates over the overlaps of `owns` listed own triangles, from place `first_own` on, with the triangles of the `met`
-// listed chunks of the other skin. `r`: number of the patch in its pair.
+// Integrates over the overlaps of `owns` listed own triangles, from place `first_own` on, with the triangles of the
+// `met` listed chunks of the other skin. `r`: number of the patch in its pair.
 void integrate_owns(mat3 axes, Chunk chunk, Slab slab, uint side, uint r, uint met, uint first_own, uint owns) {
     uint lane = gl_LocalInvocationID.x;
     float sign = side == 0 ? 1.0 : -1.0;

@@ -78,7 +78,7 @@ fn of_contact(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &s
     let reason = match scene.contact.samples {
         Samples::Vertices => "contact.samples is \"vertices\"",
         Samples::Triangles => "no pair has a rigid, nearly convex body with a single hull",
-        Samples::Auto => "no pair has a rigid, nearly convex body with sharp edges or the coarser skin",
+        Samples::Auto => "no pair meets the conditions of contact.samples = \"auto\"",
     };
     add(
         "overlaps of triangles",

@@ -205,7 +205,7 @@ impl Sides {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Samples {
     /// The engine chooses one of the other two for each pair of bodies: triangles where one body is rigid, nearly convex
-    /// and has sharp edges or a skin coarser than the other body's.
+    /// and has sharp edges or a skin coarser than the other body's, or where the other's skin is too coarse for vertices.
     Auto,
     /// Vertices: each stands for the skin around it.
     Vertices,

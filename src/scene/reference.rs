@@ -202,8 +202,9 @@ pub const CONTACT: TableKeys = TableKeys {
             "What of a skin is tested for contact: its vertices, or its triangles, over each of which the depth is \
              integrated. Triangles need a rigid, nearly convex body in the pair, with one hull and no dynamics of its \
              own but the tool's, and are those of the other body; `auto` takes them where that rigid body has sharp \
-             edges or the coarser skin, unless their edges are longer than three quarters of the second longest side \
-             of either body.",
+             edges or the coarser skin, or where their edges are longer than a fifth of its second longest side, \
+             unless their body is a thin sheet; and never where they are longer than three quarters of the second \
+             longest side of their own body, or of the rigid one unless that is a ball.",
         ),
     ],
 };

@@ -28,10 +28,10 @@ pub mod model;
 pub mod overlaps;
 mod pairs;
 pub mod pose;
-mod samples;
+pub mod samples;
 pub mod skin;
 pub mod solve;
-mod tips;
+pub mod tips;
 pub mod touch;
 pub mod wrench;
 

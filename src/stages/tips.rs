@@ -3,7 +3,8 @@
 //! an edge touches a small part of a cell, so that with the same stiffness it would sink into the surface mesh before
 //! the tetrahedra feel it. Therefore the contact of a triangle of a rigid body is stiffer by its *stiffening*: the area
 //! of a disc as wide as a cell, divided by the area of the part of that disc which the rigid body fills a fifth of a
-//! cell below the triangle's plane, or half way through a thin body. A contact on a part of a cell is then about as stiff as one that covers the cell.
+//! cell below the triangle's plane, or half way through a thin body. A contact on a part of a cell is then about as
+//! stiff as one that covers the cell.
 
 use std::f64::consts::TAU;
 

@@ -121,7 +121,7 @@ fn pressed(scene: &Scene, steps: usize) -> (f64, f64, f64) {
         forces.0.push(row.tool.unwrap().force);
         forces.1.push(report.wrench.force);
         let (moved, _) = simulation.nodes(0).unwrap().unwrap();
-        if contacts.len() > 10 {
+        if contacts.len() > 4 {
             shape = shape.max(relative_error(&moved, &twin.oracle.bodies[0].displacement));
         }
     }
@@ -211,8 +211,9 @@ fn a_dynamic_rigid_body_falls_on_a_block_as_a_tool_that_nobody_holds() {
     let file = folder.path().join("ball.obj");
     let (vertices, triangles) = palpate::internal::prepare::sphere::icosphere(0.02);
     palpate::scene::obj::write(&mut std::fs::File::create(&file).unwrap(), &vertices, &triangles).unwrap();
-    let block = "[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[[body]]\nname = \"block\"\n\
-        layer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [8, 5, 8] }\n\
+    // By default triangles would be tested against the tool, which they are against no dynamic body.
+    let block = "[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n[contact]\nsamples = \"vertices\"\n[[body]]\n\
+        name = \"block\"\nlayer = { box = [[-0.05, -0.03, -0.05], [0.05, 0.03, 0.05]], cells = [8, 5, 8] }\n\
         material = { young = 2e4, poisson = 0.4, density = 1000.0 }\n\
         [[body.core]]\nname = \"bottom\"\nbind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.029, 1.0]] }\n";
     let start = "position = [0.02, 0.052, -0.01]\nvelocity = [0.1, -0.4, 0.0]";

@@ -284,7 +284,10 @@ fn one_side_takes_less_memory() {
     // If `sides` is "one", only vertices of the finer skin (surface mesh) of a pair of bodies are tested for contact;
     // touch.rs compares that case with a reference implementation.
     let of = |sides: &str| {
-        let mut simulation = open(&scene(&block(&format!("[contact]\nsides = \"{sides}\""), "", "", TOOL)), None);
+        let mut simulation = open(
+            &scene(&block(&format!("[contact]\nsamples = \"vertices\"\nsides = \"{sides}\""), "", "", TOOL)),
+            None,
+        );
         let row = run(&mut simulation, 3).pop().unwrap();
         (simulation.context().bytes_allocated(), row.tool.unwrap().force.length(), row.flags.0)
     };

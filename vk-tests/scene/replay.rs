@@ -11,7 +11,7 @@ use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::stages::depth;
 use palpate::internal::step::trajectory::Trajectory;
-use palpate::scene::{Key, Lowered, Profile};
+use palpate::scene::{Key, Lowered, Profile, Samples};
 use palpate_devices::record::{Header, Recorded, Recording};
 use palpate_devices::replay::{Replayed, replay};
 
@@ -70,27 +70,30 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
 
 fn again(scene: &Scene, path: depth::Path, file: &Path) -> Replayed {
     let recorded = Recorded::open(file).unwrap();
-    assert_eq!(recorded.header.depth.as_deref(), Some(path.name()));
+    let has_rays = scene.contact.samples == Samples::Vertices;
+    assert_eq!(recorded.header.depth.as_deref(), has_rays.then_some(path.name()));
     let mut simulation = open(scene, Some(path));
     let replayed = replay(recorded, &mut simulation).unwrap();
     assert!(simulation.context().validation_messages().is_empty());
     replayed
 }
 
-/// Writes a scene to a file, in which the tool presses a block and slides along it. Returns the scene, and the path of
-/// the file for a recording.
-fn pressed(folder: &Path) -> (Scene, PathBuf) {
+/// Writes a scene to a file, in which the tool presses a block, of whose skin `samples` are tested, and slides along it.
+/// Returns the scene, and the path of the file for a recording.
+fn pressed(folder: &Path, samples: &str) -> (Scene, PathBuf) {
     let file = folder.join("scene.toml");
     let place = Place { slide: DVec3::new(0.01, 0.0, -0.005), ..Place::default() };
-    std::fs::write(&file, press(2e4, 0.015, place, "tolerance = 1e-5")).unwrap();
+    std::fs::write(&file, press(2e4, 0.015, place, &format!("tolerance = 1e-5\n[contact]\nsamples = \"{samples}\"")))
+        .unwrap();
     (Scene::load(&file).unwrap(), folder.join("session"))
 }
 
 #[test]
-fn a_session_with_the_engine_replays_to_the_same_bits_on_both_depth_paths() {
+fn a_session_with_the_engine_replays_to_the_same_bits_on_both_depth_paths_and_by_triangles() {
     let folder = tempfile::tempdir().unwrap();
-    let (scene, file) = pressed(folder.path());
-    for path in [depth::Path::Compute, depth::Path::Graphics] {
+    let (compute, graphics) = (depth::Path::Compute, depth::Path::Graphics);
+    for (samples, path) in [("vertices", compute), ("vertices", graphics), ("triangles", compute)] {
+        let (scene, file) = pressed(folder.path(), samples);
         let most = record(&scene, path, &file, |_| {});
         assert!(most > 0.1, "greatest force {most} N: nothing was touched");
         let replayed = again(&scene, path, &file);
@@ -101,7 +104,7 @@ fn a_session_with_the_engine_replays_to_the_same_bits_on_both_depth_paths() {
 #[test]
 fn a_reading_and_a_simulation_that_are_not_the_recorded_ones_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    let (mut scene, file) = pressed(folder.path());
+    let (mut scene, file) = pressed(folder.path(), "vertices");
     let path = depth::Path::Compute;
     record(&scene, path, &file, |tick| {
         if tick.index == 200 {

@@ -6,10 +6,10 @@ use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
 use palpate::internal::shaders::Contact;
 use palpate::internal::stages::depth;
-use palpate::scene::Sides;
+use palpate::scene::{Samples, Sides};
 use palpate::{Flags, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
-use palpate_oracle::contact::{self, ContactLaw, Support, Surface};
+use palpate_oracle::contact::{self, ContactLaw, Gathering, Support, Surface, Tested};
 use palpate_oracle::contact_law::auto_stiffness;
 use palpate_oracle::step::{self};
 
@@ -52,7 +52,7 @@ pub struct Twin {
     skin: (prepare::Skin, Vec<prepare::Embedding>),
     tool: prepare::Skin,
     law: ContactLaw,
-    sides: Sides,
+    gathering: Gathering,
 }
 
 impl Twin {
@@ -60,6 +60,7 @@ impl Twin {
         let mut oracle = step::Simulation::new(scene.step.dt, scene.step.gravity);
         oracle.bodies.push(soft_twin(simulation, 0));
         let body = prepare::tool(scene.tool.as_ref().unwrap(), scene).unwrap();
+        let gathering = Gathering::chosen(&scene.contact, &simulation.bodies()[0], &body);
         let Shape::Rigid { skin: tool, centroid, volume, inertia, .. } = body.shape else { panic!("the tool is soft") };
         let tool = prepare::Skin { vertices: tool.vertices.iter().map(|x| *x - centroid).collect(), ..tool };
         let mass = scene.tool.as_ref().unwrap().mass;
@@ -77,7 +78,7 @@ impl Twin {
         };
         let stiffness = auto_stiffness(&[(layer, &materials.all[0])]).unwrap();
         let law = ContactLaw { stiffness, damping: stiffness * scene.step.dt, depth_limit: scene.contact.depth_limit };
-        Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law, sides: scene.contact.sides }
+        Twin { oracle, skin: (skin.clone(), embedding.clone()), tool, law, gathering }
     }
 
     /// Contacts of the oracle's present state along `normal` (from the body to the tool).
@@ -90,21 +91,24 @@ impl Twin {
             support: Support::Tool,
         };
         let body = self.oracle.bodies[0].surface(0, &self.skin.0, &self.skin.1);
-        match self.sides {
-            Sides::Both => contact::gather(normal, &body, &tool, &self.law),
-            Sides::One => contact::gather_finer(normal, &body, &tool, &self.law),
-        }
+        self.gathering.contacts(normal, &body, &tool, &self.law)
     }
 }
 
 /// The greatest depth (m) and the number of contacts that only the engine (`device`) or only the oracle (`twin`) has.
-/// `tool_vertex_first` is the number of the tool's first vertex in the engine.
-fn unmatched(device: &[Contact], twin: &[contact::Contact], tool_vertex_first: u32) -> (f64, usize) {
+/// `tool_vertex_first` is the number of the tool's first vertex in the engine, `None` if triangles are tested.
+fn unmatched(device: &[Contact], twin: &[contact::Contact], tool_vertex_first: Option<u32>) -> (f64, usize) {
     let of_device = |c: &Contact| {
         let of_tool = c.side % 2 == 1;
-        ((of_tool, c.vertex - if of_tool { tool_vertex_first } else { 0 }), f64::from(c.depth))
+        let tested = match tool_vertex_first {
+            None => (false, c.triangle),
+            Some(first) => (of_tool, c.vertex - if of_tool { first } else { 0 }),
+        };
+        (tested, f64::from(c.depth))
     };
-    let of_twin = |c: &contact::Contact| ((!c.of_first, c.vertex), c.depth);
+    let of_twin = |c: &contact::Contact| match c.tested {
+        Tested::Vertex(i) | Tested::Triangle(i) => ((!c.of_first, i), c.depth),
+    };
     let a: std::collections::BTreeMap<_, _> = device.iter().map(of_device).collect();
     let b: std::collections::BTreeMap<_, _> = twin.iter().map(of_twin).collect();
     let only = |x: &std::collections::BTreeMap<_, f64>, y: &std::collections::BTreeMap<_, f64>| -> Vec<f64> {
@@ -121,22 +125,34 @@ const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 const FORCE: f64 = 5.0e-5;
 /// Greatest allowed error of the tool's position, relative to the greatest distance from its start.
 const POSE: f64 = 1.0e-5;
-/// Greatest allowed error of node displacements, relative to the largest displacement.
-const DISPLACEMENT: f64 = 5.0e-5;
+/// Greatest allowed error of node displacements, relative to the largest displacement, by vertices and by triangles. By
+/// triangles it is greatest in the first step of contact, when displacements are smallest: heights are known to some 1e-8
+/// m, and a contact of a triangle takes in many of them.
+const DISPLACEMENT: [f64; 2] = [5.0e-5, 1.0e-4];
 /// Greatest depth of a contact that only the engine or only the oracle finds, m.
 const LONE_DEPTH: f64 = 1.0e-7;
 
 #[test]
-#[ignore = "long: 18 s"]
+#[ignore = "long: 30 s"]
 fn touch_agrees_with_the_oracle_and_the_depth_paths_with_each_other() {
     let straight = Place::default();
     let slide = DVec3::new(0.012, 0.0, -0.007);
     let oblique = Place { shift: DVec3::new(0.3, -0.1, 0.2), turn: DQuat::from_rotation_z(0.5), slide };
-    let (both, one) = (Sides::Both, Sides::One);
-    let cases = [(2.0e4, straight, both), (5.0e5, straight, both), (2.0e4, oblique, both), (2.0e4, oblique, one)];
-    for (young, place, sides) in cases {
+    let vertices = [Sides::Both, Sides::One].map(|sides| (sides, Samples::Vertices));
+    let [both, one] = vertices;
+    // By default triangles of this coarse skin are tested.
+    let auto = (Sides::Both, Samples::Auto);
+    let cases = [
+        (2.0e4, straight, both),
+        (5.0e5, straight, both),
+        (2.0e4, oblique, both),
+        (2.0e4, oblique, one),
+        (5.0e5, straight, auto),
+        (2.0e4, oblique, auto),
+    ];
+    for (young, place, (sides, samples)) in cases {
         let mut scene = scene(&press(young, 0.001, place, TIGHT));
-        scene.contact.sides = sides;
+        (scene.contact.sides, scene.contact.samples) = (sides, samples);
         let paths = [depth::Path::Compute, depth::Path::Graphics];
         let [(compute, found), (graphics, found_too)] = paths.map(|path| against_the_oracle(&scene, path, young));
         assert_eq!(found, found_too, "contacts of the compute path (left) and the graphics path (right)");
@@ -153,7 +169,9 @@ type Found = Vec<Vec<(u32, u32)>>;
 fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<StepReport>, Found) {
     let mut simulation = open(scene, Some(path));
     let mut twin = Twin::new(scene, &simulation);
-    let skin_vertices = twin.skin.0.vertices.len() as u32;
+    let by_triangles = matches!(twin.gathering, Gathering::Triangles(_));
+    assert_eq!(by_triangles, scene.contact.samples == Samples::Auto);
+    let skin_vertices = (!by_triangles).then_some(twin.skin.0.vertices.len() as u32);
     let (mut rows, mut found, mut lone) = (Vec::new(), Found::new(), (0.0f64, 0));
     let (mut forces, mut poses, mut shapes) = ((vec![], vec![]), (vec![], vec![]), 0.0f64);
     let mut tilt = 0.0f64;
@@ -205,9 +223,10 @@ fn against_the_oracle(scene: &Scene, path: depth::Path, young: f64) -> (Vec<Step
     let gathers = |side: u32| found.iter().flatten().any(|(s, _)| *s == side);
     assert_eq!(
         gathers(0) && gathers(1),
-        twin.sides == Sides::Both,
+        twin.gathering == Gathering::Both,
         "vertices of both bodies must become contacts exactly if `sides` is \"both\""
     );
-    assert!(lone.0 < LONE_DEPTH && force < FORCE && pose < POSE && shapes < DISPLACEMENT);
+    let displacement = DISPLACEMENT[usize::from(by_triangles)];
+    assert!(lone.0 < LONE_DEPTH && force < FORCE && pose < POSE && shapes < displacement);
     (rows, found)
 }

@@ -12,7 +12,7 @@ use palpate::internal::prepare::{self, Body, FrameMotion, Layer, Materials, Shap
 use palpate::internal::shaders::{Contact, Counts, Frame, GRADIENT_TEXELS, Link, NONE, StepParams};
 use palpate::internal::stages::model::Model;
 use palpate::scene::{self, Coupling, Hinge, Material, MaterialLaw, Preconditioner};
-use palpate_oracle::contact::{Carrier, Contact as Twin, Point};
+use palpate_oracle::contact::{Carrier, Contact as Twin, Point, Tested};
 use palpate_oracle::contact_law::Friction;
 use palpate_oracle::linear::Entries;
 use palpate_oracle::step::{Simulation, SoftBody};
@@ -377,8 +377,7 @@ impl System {
             first,
             second,
             of_first: true,
-            vertex: 0,
-            hit: None,
+            tested: Tested::Vertex(0),
         };
         twin.first.position += 0.5 * twin.depth * normal;
         twin.second.position -= 0.5 * twin.depth * normal;

@@ -15,7 +15,7 @@ use palpate::internal::shaders::{Contact, Counts, NONE};
 use palpate::internal::stages::depth::Path;
 use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 use palpate::scene::Sides;
-use palpate_oracle::contact::{Carrier, ContactLaw, Support, Surface};
+use palpate_oracle::contact::{Carrier, ContactLaw, Support, Surface, Tested};
 use palpate_oracle::{contact as oracle, skin as embedded};
 
 use crate::harness::bodies::{half_space, octants, rigid, soft, sphere, whole};
@@ -142,7 +142,8 @@ fn wanted(bodies: &[Body], tool: &Body, flow: &Flow, sides: Sides) -> BTreeMap<(
         for contact in found {
             let body = if contact.of_first { a } else { b };
             let side = 2 * r as u32 + u32::from(!contact.of_first);
-            contacts.insert((side, firsts[body] + contact.vertex), contact);
+            let Tested::Vertex(vertex) = contact.tested else { panic!("a contact of a triangle") };
+            contacts.insert((side, firsts[body] + vertex), contact);
         }
     }
     contacts

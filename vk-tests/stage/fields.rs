@@ -10,7 +10,7 @@ use palpate::internal::prepare::{Layer, Shape};
 use palpate::internal::shaders::{Contact, Counts, Frame, NONE, StepParams};
 use palpate::internal::stages::material_law::laws_of;
 use palpate::internal::step::{Field, Overlay};
-use palpate::scene::{MaterialLaw, Sides};
+use palpate::scene::{MaterialLaw, Samples, Sides};
 use palpate::{Simulation, StepReport};
 
 use crate::harness::random::Random;
@@ -493,7 +493,7 @@ fn fields_are_what_the_host_knows() {
 #[test]
 fn pressures_are_what_the_tool_feels() {
     let mut text = scene(&press(2e4, 1e-3, Place::default(), "tolerance = 1e-6\nmax_iterations = 1000"));
-    text.contact.sides = Sides::One;
+    (text.contact.sides, text.contact.samples) = (Sides::One, Samples::Vertices);
     let mut simulation = open(&text, None);
     let mut touched = 0;
     for row in run_looking(&mut simulation, 50) {

@@ -409,7 +409,7 @@ fn a_log_hears_what_is_chosen_and_found() {
     (options.log_user, options.validation) = ((&raw mut mark).cast(), 1);
     // SAFETY: the options state their true size; they and the output are live local variables.
     ok(unsafe { palpate_context_create(&options, &mut context) });
-    let simulation = simulation(context, &format!("{BLOCK}{SPHERE}"));
+    let simulation = simulation(context, &format!("contact = {{ samples = \"vertices\" }}\n{BLOCK}{SPHERE}"));
     steps(simulation, 3);
     end(context, simulation);
     let heard = HEARD.lock().unwrap().clone();

@@ -38,7 +38,7 @@ fn measure(name: &str, settings: &Settings) -> Curve {
 
 #[test]
 #[ignore = "long: 22 s"]
-fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
+fn tight_solves_are_the_references_and_loose_ones_are_not() {
     let curve = measure("tolerance", &tiny());
     assert!(curve.is_within(), "lines whose error is beyond its bound: {:?}", curve.beyond());
     // The quick settings have two stiffnesses, each solved with two preconditioners.
@@ -47,10 +47,14 @@ fn forces_of_tight_solves_are_the_references_and_of_loose_ones_are_not() {
     assert!(curve.decades() > 2.0, "errors span only {} powers of ten", curve.decades());
     for line in curve.lines() {
         let [loose, .., tight] = &line.points[..] else { panic!("line with fewer than two points: {line:?}") };
-        // The soft block's tight solves leave the rounding of the forces, 1.4e-5; its loosest leaves 18 times that.
+        // Displacements tell them apart: the forces on the soft block differ little, since rounding leaves an error of
+        // 6e-6 in those of its tight solves and its loosest leave 1.1e-5.
+        let [loose_error, tight_error] = [loose, tight].map(|point| point.displacement_error.unwrap());
+        assert!(loose_error > 10.0 * tight_error, "the tight tolerance gains too little: {line:?}");
+        let is_stiff = line.title().starts_with("2 MPa");
         assert!(
-            loose.error().unwrap() > 10.0 * tight.error().unwrap(),
-            "the tight tolerance gains too little: {line:?}"
+            !is_stiff || loose.error().unwrap() > 10.0 * tight.error().unwrap(),
+            "forces gain too little: {line:?}"
         );
         assert!(tight.iterations > loose.iterations && tight.flags.is_empty(), "wrong iterations or flags: {line:?}");
     }

@@ -47,8 +47,8 @@ fn press(name: &str, surface: &str) {
     assert!(peak > 0.01 && jump < JUMP * peak, "{name}: peak force {peak} N, greatest change of force {jump} N");
 }
 
-/// A scene in which a ball presses on a block: both have skins, so that the depth stage is needed.
-const BLOCK: &str = "[contact]\ndepth = \"graphics\"\n[[body]]\nname = \"block\"\n\
+/// A scene in which a ball presses on a block and vertices are tested, for which the depth stage finds ray hits.
+const BLOCK: &str = "[contact]\ndepth = \"graphics\"\nsamples = \"vertices\"\n[[body]]\nname = \"block\"\n\
     layer = { box = [[-0.05, -0.05, -0.05], [0.05, 0.0, 0.05]], cells = [6, 3, 6] }\n\
     material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
     [[body.core]]\nname = \"core\"\nmotion = \"fixed\"\nbind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.04, 1.0]] }\n\

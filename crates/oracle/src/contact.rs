@@ -1,14 +1,19 @@
-//! Narrow phase in f64: how deep each skin vertex lies below the other body's skin, found by exact rays, and the
-//! resulting contacts. Reference implementation of the depth and contact stages of a step.
+//! Narrow phase in f64: how deep each skin vertex lies below the other body's skin, found by exact rays, or how deep
+//! each triangle overlaps the other body, and the resulting contacts. Reference implementation of the depth and contact
+//! stages of a step.
 //!
 //! A contact patch is an area in which bodies A and B may touch, with one normal. A skin (surface mesh of a body)
-//! "gathers" contacts if its vertices are tested and become contacts.
+//! "gathers" contacts if its vertices or triangles are tested and become contacts.
 
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use palpate::internal::prepare::{Embedding, Layer};
+use palpate::internal::prepare::{Body, Embedding, Layer, Shape};
+use palpate::internal::stages::{samples, tips};
+use palpate::scene::{self, Sides};
 
+use crate::contact_law::mean_edge;
+use crate::overlap::{self, Overlap};
 use crate::rays::{RayHit, Rays};
 use crate::skin;
 
@@ -61,12 +66,19 @@ pub struct Contact {
     pub first: Point,
     /// The contact's point on body B.
     pub second: Point,
-    /// Whether the skin vertex that became this contact belongs to body A.
+    /// Whether the vertex or triangle that became this contact belongs to body A.
     pub of_first: bool,
-    /// Index of the skin vertex that became this contact.
-    pub vertex: u32,
-    /// Where the skin vertex's ray met the other skin; `None` for a contact with a plane.
-    pub hit: Option<Hit>,
+    /// What of a skin became this contact.
+    pub tested: Tested,
+}
+
+/// What of a skin became a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tested {
+    /// The vertex of this index.
+    Vertex(u32),
+    /// The triangle of this index.
+    Triangle(u32),
 }
 
 /// Parameters of the penalty contact between two bodies.
@@ -76,7 +88,7 @@ pub struct ContactLaw {
     pub stiffness: f64,
     /// Damping per projected area, N s/m^3.
     pub damping: f64,
-    /// Penetration depth above which there is no contact, m.
+    /// Penetration depth above which a vertex is no contact, m; triangles have no such limit.
     pub depth_limit: f64,
 }
 
@@ -150,6 +162,52 @@ pub fn ray_depths(
     a_positions.iter().zip(&facing).map(hit).collect()
 }
 
+/// Stiffer contact at tips and edges of a rigid body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tips {
+    /// Factor of the stiffness for each triangle of the rigid body.
+    pub stiffening: Vec<f64>,
+    /// Whether the damping has the same factors.
+    pub damps: bool,
+}
+
+/// What of the skins of a soft body and the tool is tested for contact.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Gathering {
+    /// Vertices of both skins.
+    Both,
+    /// Vertices of the finer skin.
+    Finer,
+    /// Triangles of the soft body's skin.
+    Triangles(Tips),
+}
+
+impl Gathering {
+    /// What the engine tests, by a scene's settings. The choice and the factors of tips are the engine's own, which its
+    /// unit tests check.
+    pub fn chosen(settings: &scene::Contact, body: &Body, tool: &Body) -> Gathering {
+        let (Shape::Soft { layer, .. }, Shape::Rigid { skin, .. }) = (&body.shape, &tool.shape) else {
+            return Gathering::Both;
+        };
+        if samples::side_by_triangles(settings.samples, [body, tool]).is_some() {
+            let stiffens = settings.stiffness.is_none();
+            let of_tool = tips::stiffening(skin, mean_edge(layer));
+            let stiffening = of_tool.into_iter().map(|factor| if stiffens { f64::from(factor) } else { 1.0 }).collect();
+            return Gathering::Triangles(Tips { stiffening, damps: settings.damping.is_none() });
+        }
+        if settings.sides == Sides::One { Gathering::Finer } else { Gathering::Both }
+    }
+
+    /// Contacts of the soft body, A, and the tool, B, along the normal of a contact patch.
+    pub fn contacts(&self, normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
+        match self {
+            Gathering::Both => gather(normal, a, b, law),
+            Gathering::Finer => gather_finer(normal, a, b, law),
+            Gathering::Triangles(tips) => gather_triangles(normal, a, b, law, tips),
+        }
+    }
+}
+
 /// Contacts of two skins along the normal of a contact patch: first those of A's vertices, then those of B's, each in
 /// ascending order of the vertices. All areas are halved, because vertices of both skins become contacts.
 pub fn gather(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw) -> Vec<Contact> {
@@ -194,11 +252,39 @@ fn gather_side(
             first,
             second,
             of_first,
-            vertex: vertex as u32,
-            hit: Some(hit),
+            tested: Tested::Vertex(vertex as u32),
         }
     };
     hits.into_iter().enumerate().filter_map(|(v, hit)| Some((v, hit?))).map(contact).collect()
+}
+
+/// Contacts of two skins if the triangles of A's are tested: one for each triangle that overlaps B, at the centre of
+/// pressure, with the mean depth and with the area of the overlap. B must be rigid and convex.
+pub fn gather_triangles(normal: DVec3, a: &Surface, b: &Surface, law: &ContactLaw, tips: &Tips) -> Vec<Contact> {
+    let found = overlap::overlaps(normal, &a.positions, a.triangles, &b.positions, b.triangles, &tips.stiffening);
+    let contact = |(triangle, overlap): (usize, Overlap)| {
+        let position = overlap.moment / overlap.stiff_volume;
+        let corners = a.triangles[triangle];
+        let [p, q, r] = corners.map(|v| a.positions[v as usize] - position);
+        let shares = [q.cross(r), r.cross(p), p.cross(q)].map(|area| area.dot(normal));
+        let weights = std::array::from_fn::<_, 3, _>(|k| (corners[k], shares[k] / shares.iter().sum::<f64>()));
+        let factor = overlap.stiff_volume / overlap.volume;
+        Contact {
+            normal,
+            area: overlap.area,
+            depth: overlap.volume / overlap.area,
+            stiffness: factor * law.stiffness,
+            damping: if tips.damps { factor } else { 1.0 } * law.damping,
+            first: a.point(&weights),
+            second: Point {
+                position: position - overlap.volume / overlap.area * normal,
+                carrier: b.point(&[]).carrier,
+            },
+            of_first: true,
+            tested: Tested::Triangle(triangle as u32),
+        }
+    };
+    found.into_iter().enumerate().filter(|(_, overlap)| overlap.volume > 0.0).map(contact).collect()
 }
 
 /// Contacts of a skin with the fixed half-space `plane . x <= offset`, where `plane` is a unit normal. Only the skin
@@ -217,8 +303,7 @@ pub fn gather_plane(a: &Surface, plane: DVec3, offset: f64, law: &ContactLaw) ->
             first: a.point(&[(vertex as u32, 1.0)]),
             second: Point { position: *x + depth * plane, carrier: Carrier::Fixed },
             of_first: true,
-            vertex: vertex as u32,
-            hit: None,
+            tested: Tested::Vertex(vertex as u32),
         })
     };
     a.positions.iter().enumerate().filter_map(contact).collect()

@@ -1,14 +1,16 @@
 //! The reference of accuracy curves in which a tool (rigid body that the haptic device leads) is pressed into a soft
 //! body: the same steps by the f64 reference implementation (the oracle), with a direct solver
-//! ([`palpate_oracle::step`]) and contacts by exact rays ([`palpate_oracle::contact`]). Only the normal of the contact
-//! patch (place where body and tool may touch) comes from the engine, which does each step just before the oracle.
+//! ([`palpate_oracle::step`]) and contacts by exact rays or overlaps ([`palpate_oracle::contact`]). Only
+//! three things come from the engine, which does each step just before the oracle: the normal of the contact patch
+//! (place where body and tool may touch), the choice of what is tested for contact, and how much stiffer contact is at
+//! triangles of the tool.
 
 use glam::DVec3;
 use palpate::internal::prepare::{self, Shape};
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::Key;
 use palpate::{Error, Options, Result, Scene, Simulation};
-use palpate_oracle::contact::{self, ContactLaw, Support, Surface};
+use palpate_oracle::contact::{self, ContactLaw, Gathering, Support, Surface};
 use palpate_oracle::contact_law::auto_stiffness;
 use palpate_oracle::step::{self, SoftBody};
 use palpate_oracle::tool;
@@ -46,6 +48,7 @@ struct Twin {
     skin: (prepare::Skin, Vec<prepare::Embedding>),
     tool: prepare::Skin,
     law: ContactLaw,
+    gathering: Gathering,
 }
 
 /// The reference for `steps` steps of a scene with one soft body and a rigid tool. Errors: the scene's first body is
@@ -83,10 +86,11 @@ impl Twin {
         let missing = || Error::Simulation("a reference needs a scene of one soft body and a rigid tool".into());
         let spec = scene.rigid_tool().ok_or_else(missing)?;
         let body = prepare::tool(spec, scene)?;
-        let Shape::Rigid { skin, centroid, volume, inertia, .. } = body.shape else { return Err(missing()) };
         let soft = simulation.bodies().first().ok_or_else(missing)?;
+        let gathering = Gathering::chosen(&scene.contact, soft, &body);
         let Shape::Soft { layer, materials, skin: own, embedding, .. } = &soft.shape else { return Err(missing()) };
         let mut oracle = step::Simulation::new(scene.step.dt, scene.step.gravity);
+        let Shape::Rigid { skin, centroid, volume, inertia, .. } = body.shape else { return Err(missing()) };
         oracle.newton = scene.step.newton as usize;
         oracle.bodies.push(SoftBody::new(layer.clone(), materials, soft.position, soft.orientation, soft.velocity));
         oracle.tool = Some(tool::Tool {
@@ -103,7 +107,7 @@ impl Twin {
         let stiffness = given.or_else(|| auto_stiffness(&[(layer, &materials.all[0])])).ok_or_else(missing)?;
         let damping = scene.contact.damping.unwrap_or(stiffness * scene.step.dt);
         let law = ContactLaw { stiffness, damping, depth_limit: scene.contact.depth_limit };
-        Ok(Twin { oracle, skin: (own.clone(), embedding.clone()), tool, law })
+        Ok(Twin { oracle, skin: (own.clone(), embedding.clone()), tool, law, gathering })
     }
 
     /// Contacts between body and tool in the present state, along `normal`, which points from the body to the tool;
@@ -116,6 +120,7 @@ impl Twin {
             areas: &self.tool.areas,
             support: Support::Tool,
         };
-        contact::gather(normal, &self.oracle.bodies[0].surface(0, &self.skin.0, &self.skin.1), &tool, &self.law)
+        let body = self.oracle.bodies[0].surface(0, &self.skin.0, &self.skin.1);
+        self.gathering.contacts(normal, &body, &tool, &self.law)
     }
 }

@@ -12,8 +12,8 @@ use serde::Serialize;
 use super::trace::Sample;
 
 /// The energy may exceed the sum of its initial value and the energy supplied by at most this share of the sum of all
-/// energies' magnitudes: the engine's solver leaves an error of a twentieth of the time step's, and the engine keeps the
-/// state in f32.
+/// energies' magnitudes: the engine's solver leaves an error of a twentieth of the time step's, and the engine keeps
+/// the state in f32.
 pub const ENERGY: f64 = 1e-3;
 /// A body is at rest when its kinetic energy is below this share of the greatest sum of kinetic and elastic energy that
 /// it had.
@@ -22,8 +22,8 @@ pub const AT_REST: f64 = 1e-4;
 /// the engine sums in f32, and the two terms of the contact law (of depth and of its rate) nearly cancel while a
 /// contact opens.
 pub const FORCE: f64 = 1e-3;
-/// Bound on the relative residual of a step's linear system: the residual in the norm of its preconditioner at which the
-/// engine raises a flag, ten times that at which a solver without a tolerance may stop.
+/// Bound on the relative residual of a step's linear system: the residual in the norm of its preconditioner at which
+/// the engine raises a flag, ten times that at which a solver without a tolerance may stop.
 pub const RESIDUAL: f64 = 0.1;
 /// The change of the tool's momentum may differ from the sum of the impulses on it by this share of the largest
 /// impulse: the share of the tool that the solver's residual leaves to the next step. The most that occurred is 5.4e-3,
@@ -32,8 +32,8 @@ pub const BALANCE: f64 = 1e-2;
 /// Bound on the residual for a preset, as a multiple of its tolerance: twice the residual at which the engine raises a
 /// flag.
 const LOOSE_RESIDUAL: f64 = 20.0;
-/// Bound on the balance of momentum for a preset, as a multiple of its tolerance: twice the relative error of the normal
-/// forces above which iterations go on.
+/// Bound on the balance of momentum for a preset, as a multiple of its tolerance: twice the relative error of the
+/// normal forces above which iterations go on.
 const LOOSE_BALANCE: f64 = 10.0;
 /// At rest the force on a node may be out of balance by this share of the weight of all nodes.
 pub const BALANCED: f64 = 1e-3;
@@ -134,7 +134,8 @@ impl Invariant {
             // The residual that the solver leaves may push the body as a whole; the spinning blocks of 1 TPa drift as
             // well.
             Invariant::Drift => Flags::NOT_CONVERGED | Flags::TURNS_TOO_FAR,
-            // Newton iterations that do not converge may come to rest anywhere; an inverted tetrahedron has several forces.
+            // Newton iterations that do not converge may come to rest anywhere; an inverted tetrahedron has several
+            // forces.
             Invariant::Balanced => Flags::NEWTON_NOT_CONVERGED | Flags::INVERTED,
             // The motion of a body that stays inside out does not decay as predicted for oscillations about the rest
             // shape.

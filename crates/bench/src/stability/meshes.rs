@@ -65,8 +65,8 @@ pub fn bar(folder: &MeshFolder, edge: f64) -> Result<PathBuf> {
     folder.layer("bar", &layer.nodes, &tetrahedra)
 }
 
-/// Writes a sheet of the height of a tenth of a cube of edge `edge` (m), at the top of that cube. Returns the path of the
-/// file.
+/// Writes a sheet of the height of a tenth of a cube of edge `edge` (m), at the top of that cube. Returns the path of
+/// the file.
 pub fn sheet(folder: &MeshFolder, edge: f64) -> Result<PathBuf> {
     let layer = kuhn_box(DVec3::new(0.0, 0.9 * edge, 0.0), DVec3::splat(edge), [8, 1, 8]);
     folder.layer("sheet", &layer.nodes, &layer.tetrahedra)

@@ -154,9 +154,9 @@ fn judge(case: &Case, settings: &Settings) -> Result<Judged> {
     Ok(judged(case, &samples, &promise, begun))
 }
 
-/// Greatest contact force on the tool, N, in a case with a preset, whose solver is loose, if the solver were tight. Where
-/// even then a step does not converge, only the steps before it count; NaN if the peak of `samples`, those of the loose
-/// solver, is not among these steps, so that there is nothing to compare with. `None`: there is no preset.
+/// Greatest contact force on the tool, N, in a case with a preset, whose solver is loose, if the solver were tight.
+/// Where even then a step does not converge, only the steps before it count; NaN if the peak of `samples`, those of the
+/// loose solver, is not among these steps, so that there is nothing to compare with. `None`: there is no preset.
 fn tight_peak(case: &Case, settings: &Settings, samples: &[Sample]) -> Result<Option<f64>> {
     if case.setup.preset.is_none() {
         return Ok(None);

@@ -89,7 +89,8 @@ pub struct Setup {
     pub regions: Vec<Region>,
     /// Whether an equal block, not attached, lies on the block; the sphere then touches that one.
     pub is_stacked: bool,
-    /// Mesh file of a tool that takes the place of the sphere; its lowest point is as far below its centre as the sphere's.
+    /// Mesh file of a tool that takes the place of the sphere; its lowest point is as far below its centre as the
+    /// sphere's.
     pub tool: Option<PathBuf>,
 }
 

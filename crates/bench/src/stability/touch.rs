@@ -1,11 +1,15 @@
 //! Evaluates the contacts of a step in f64, for the stability matrix (many stiff and extreme simulations): how the
 //! depth of each contact depends on the motion of the nodes and of the tool (rigid body that the haptic device leads),
 //! and the contact's force by the contact law, pressure = stiffness * depth + damping * rate of depth. Stiffness and
-//! damping are computed from the scene, not read from the GPU.
+//! damping are computed from the scene, not read from the GPU, but for the factor by which contact is stiffer at a tip
+//! or an edge of the tool: that of each contact is a mean over triangles of the tool, and is only checked to lie within
+//! theirs.
 
 use glam::DVec3;
+use palpate::internal::prepare::{self, Body, Shape};
 use palpate::internal::shaders::{self, NONE};
-use palpate::{Scene, ToolReport};
+use palpate::{Error, Result, Scene, ToolReport};
+use palpate_oracle::contact::{Gathering, Tips};
 use palpate_oracle::contact_law::Penalty;
 
 use super::joined::Joined;
@@ -17,6 +21,9 @@ pub struct Skin {
     vertices: Vec<Vec<(usize, f64)>>,
     triangles: Vec<[u32; 3]>,
     penalty: Penalty,
+    /// Factors of the stiffness at the tool's triangles, and whether the damping has them too; `None` where vertices
+    /// are tested for contact with the tool.
+    tips: Option<Tips>,
 }
 
 /// Velocities of the nodes and of the tool.
@@ -60,14 +67,41 @@ pub struct ContactSums {
 }
 
 impl Skin {
-    /// The skin of joined bodies, with the contact law of their scene.
-    pub fn new(bodies: &Joined, scene: &Scene) -> Skin {
-        let stiffness = scene.contact.stiffness.unwrap_or(bodies.auto_stiffness);
-        Skin {
-            vertices: bodies.vertices.clone(),
-            triangles: bodies.triangles.clone(),
-            penalty: Penalty { stiffness, damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) },
+    /// The skin of `joined` bodies, with the contact law of their scene, whose `bodies` these are. Errors: the scene's
+    /// tool cannot be prepared.
+    pub fn new(joined: &Joined, bodies: &[Body], scene: &Scene) -> Result<Skin> {
+        let stiffness = scene.contact.stiffness.unwrap_or(joined.auto_stiffness);
+        let tool = scene.rigid_tool().map(|spec| prepare::tool(spec, scene)).transpose()?;
+        let soft = bodies.iter().filter(|body| matches!(body.shape, Shape::Soft { .. }));
+        let mut chosen = soft.zip(&tool).map(|(body, tool)| match Gathering::chosen(&scene.contact, body, tool) {
+            Gathering::Triangles(tips) => Some(tips),
+            Gathering::Both | Gathering::Finer => None,
+        });
+        let tips = chosen.next().flatten();
+        if chosen.any(|other| other != tips) {
+            return Err(Error::Simulation("the stability matrix needs soft bodies that touch the tool alike".into()));
         }
+        Ok(Skin {
+            vertices: joined.vertices.clone(),
+            triangles: joined.triangles.clone(),
+            penalty: Penalty { stiffness, damping: scene.contact.damping.unwrap_or(stiffness * scene.step.dt) },
+            tips,
+        })
+    }
+
+    /// Whether triangles of the soft bodies are tested for contact with the tool.
+    pub fn has_triangles_tested(&self) -> bool {
+        self.tips.is_some()
+    }
+
+    /// Stiffness and damping of a contact. A factor of the stiffness beyond those of the tool's triangles is not taken.
+    fn penalty(&self, contact: &shaders::Contact) -> Penalty {
+        let Some(tips) = self.tips.as_ref().filter(|_| contact.tool_sign != 0.0) else { return self.penalty };
+        let factor = f64::from(contact.stiffness) / self.penalty.stiffness;
+        let [least, most] = [f64::min, f64::max].map(|of| tips.stiffening.iter().copied().reduce(of).unwrap_or(1.0));
+        let factor = factor.clamp(least, most);
+        let damping = if tips.damps { factor } else { 1.0 } * self.penalty.damping;
+        Penalty { stiffness: factor * self.penalty.stiffness, damping }
     }
 
     /// Those of the engine's contacts that act.
@@ -101,7 +135,7 @@ impl Skin {
             tool: [normal, lever].map(|x| f64::from(contact.tool_sign) * x),
             area: contact.area.into(),
             depth: contact.depth.into(),
-            penalty: self.penalty,
+            penalty: self.penalty(contact),
         }
     }
 }
@@ -175,6 +209,24 @@ mod tests {
             depth: 0.1,
             penalty: Penalty { stiffness: 100.0, damping: 10.0 },
         }
+    }
+
+    #[test]
+    fn a_factor_of_the_stiffness_is_one_that_the_tool_has() {
+        let skin = |damps| Skin {
+            vertices: vec![],
+            triangles: vec![],
+            penalty: Penalty { stiffness: 100.0, damping: 10.0 },
+            tips: Some(Tips { stiffening: vec![4.0, 9.0, 16.0], damps }),
+        };
+        let contact = |stiffness, tool_sign| shaders::Contact { stiffness, tool_sign, ..shaders::Contact::default() };
+        for (stiffness, expected) in [(100.0, 400.0), (700.0, 700.0), (2000.0, 1600.0)] {
+            assert_eq!(skin(true).penalty(&contact(stiffness, -1.0)).stiffness, expected);
+        }
+        assert_eq!(skin(true).penalty(&contact(700.0, -1.0)).damping, 70.0);
+        assert_eq!(skin(false).penalty(&contact(700.0, -1.0)).damping, 10.0);
+        // Contact of two soft bodies has no factor.
+        assert_eq!(skin(true).penalty(&contact(700.0, 0.0)), Penalty { stiffness: 100.0, damping: 10.0 });
     }
 
     #[test]

@@ -9,7 +9,6 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::shaders::Contact;
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::rotation_vector;
-use palpate::scene::ToolShape;
 use palpate::{Flags, Result, RigidState, Scene, Simulation, ToolReport};
 use palpate_oracle::step::SoftBody;
 
@@ -41,7 +40,8 @@ pub struct Sample {
     pub motion: f64,
     /// `motion` plus the body's elastic energy, J.
     pub stirred: f64,
-    /// Greatest sum of elastic force and weight on a free node, over the weight of all free nodes; zero without gravity.
+    /// Greatest sum of elastic force and weight on a free node, over the weight of all free nodes; zero without
+    /// gravity.
     pub unbalanced: f64,
     /// Residual of the step's linear system in the norm of its diagonal, relative to the sum of the norms of the
     /// right-hand sides of this step and of the step before. It includes the residual that the step before left.
@@ -95,17 +95,14 @@ pub struct Observer {
     tool: Option<Tool>,
     device: Option<(DVec3, DQuat)>,
     /// Contacts of the last step, by side (twice the index of the pair of bodies, plus 1 for its second body) and by
-    /// vertex.
+    /// the vertex or triangle that is tested.
     touching: HashSet<(u32, u32)>,
-    /// Greatest energy that the contact at each vertex has had, J, by side and vertex as in `touching`.
+    /// Greatest energy that the contact of each vertex or triangle has had, J, by side and index as in `touching`.
     pressed: HashMap<(u32, u32), f64>,
     start: Option<DVec3>,
     tool_start: DVec3,
     supplied: f64,
     edge: f64,
-    /// Whether the tool is a mesh: contacts are then those of triangles, several of which may count as contacts of one
-    /// vertex of the tool.
-    has_mesh_tool: bool,
 }
 
 impl Observer {
@@ -114,7 +111,7 @@ impl Observer {
     pub fn new(simulation: &Simulation, scene: &Scene, edge: f64) -> Result<Observer> {
         let first = &simulation.bodies()[0];
         let all = joined(simulation.bodies())?;
-        let skin = Skin::new(&all, scene);
+        let skin = Skin::new(&all, simulation.bodies(), scene)?;
         let (position, orientation) = (first.position, first.orientation);
         let body = SoftBody::new(all.layer, all.materials, position, orientation, first.velocity);
         let tool = simulation.tool();
@@ -137,7 +134,6 @@ impl Observer {
             start: None,
             supplied: 0.0,
             edge,
-            has_mesh_tool: scene.tool.as_ref().is_some_and(|tool| matches!(tool.shape, ToolShape::Surface(_))),
         };
         observer.read(simulation)?;
         observer.start = Some(observer.centre());
@@ -209,9 +205,9 @@ impl Observer {
             }
         }
         let last = self.last_size.take();
-        // A step that was done in parts, or retried in parts, reports its last part only, so that its linear system cannot
-        // be checked; nor can that of the last of several Newton iterations, which is linearised elsewhere than at the
-        // step's start.
+        // A step that was done in parts, or retried in parts, reports its last part only, so that its linear system
+        // cannot be checked; nor can that of the last of several Newton iterations, which is linearised elsewhere than
+        // at the step's start.
         if !row.flags.contains(Flags::STEP_RETRIED) && row.parts == 1 && self.newton == 1 {
             let pressing = self.skin.pressing(&contacts);
             let tool = simulation.tool().zip(device);
@@ -262,13 +258,15 @@ impl Observer {
     }
 
     /// Adds the energy of newly found contacts to the energy supplied. A contact that is already deep adds the energy
-    /// of its penalty spring as far as that exceeds the greatest energy of earlier contacts of the same vertex, so that
-    /// a contact that comes and goes adds its energy once.
+    /// of its penalty spring as far as that exceeds the greatest energy of earlier contacts of the same vertex
+    /// or triangle, so that a contact that comes and goes adds its energy once.
     fn found(&mut self, touch: &[Contact]) {
         let stiffest = touch.iter().map(|c| c.stiffness).fold(0.0, f32::max);
         let mut now = HashSet::new();
         for contact in touch {
-            let key = (contact.side, if self.has_mesh_tool { contact.triangle } else { contact.vertex });
+            // Several triangles may count as contacts of one vertex of the tool.
+            let is_triangle = contact.tool_sign != 0.0 && self.skin.has_triangles_tested();
+            let key = (contact.side, if is_triangle { contact.triangle } else { contact.vertex });
             let energy = 0.5 * f64::from(stiffest * contact.area) * f64::from(contact.depth).powi(2);
             let most = self.pressed.entry(key).or_default();
             if !self.touching.contains(&key) {

@@ -3,7 +3,8 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::contact::{ContactLaw, Support, Surface, gather, ray_depths};
+use crate::contact::{Contact, ContactLaw, Support, Surface, Tips, gather, gather_triangles, ray_depths};
+use crate::rays::Rays;
 use crate::testing::Random;
 use crate::{cull, skin};
 
@@ -123,6 +124,43 @@ fn gathering_is_symmetric_and_its_area_does_not_depend_on_the_cut() {
     assert_eq!(n, m);
     assert!((coarse - flipped).abs() < 1e-12 * coarse);
     assert!((coarse - exact).abs() < 0.05 * exact && (fine - exact).abs() < 0.02 * exact);
+}
+
+#[test]
+fn triangles_of_a_coarse_sphere_push_as_its_overlap_with_a_fine_one() {
+    let normal = DVec3::Z;
+    let ((a, at), (b, bt)) = (sphere(0.1, DVec3::ZERO, 2), sphere(0.1, DVec3::new(0.03, -0.01, 0.17), 5));
+    let (own, other) = (surface(&a, &at, &[]), surface(&b, &bt, &[]));
+    let law = ContactLaw { stiffness: 1e6, damping: 10.0, depth_limit: 0.05 };
+    let stiffening: Vec<f64> = (0..bt.len()).map(|i| 1.0 + (i % 7) as f64).collect();
+    let found = gather_triangles(normal, &own, &other, &law, &Tips { stiffening: stiffening.clone(), damps: true });
+    // The same by rays through points of a grid.
+    let (above, below) = (Rays::new(normal, &a, &at), Rays::new(-normal, &b, &bt));
+    let step = 2e-4;
+    let (mut force, mut torque) = (0.0, DVec3::ZERO);
+    for i in 0..1000 {
+        for k in 0..1000 {
+            let x = DVec3::new(step * (f64::from(i) - 499.5), step * (f64::from(k) - 499.5), 0.0);
+            let hits = (above.first(x + normal), below.first(x - normal));
+            let (Some(top), Some(bottom)) = hits else { continue };
+            let depth = (1.0 - top.depth) - (bottom.depth - 1.0);
+            let push = 1e6 * stiffening[bottom.triangle as usize] * depth.max(0.0) * step * step;
+            force += push;
+            torque += push * x.cross(normal);
+        }
+    }
+    let push = |c: &Contact| c.area * c.depth * c.stiffness;
+    let (sum, turned): (f64, DVec3) =
+        (found.iter().map(push).sum(), found.iter().map(|c| push(c) * c.second.position.cross(normal)).sum());
+    println!("{} contacts: {sum} N, {turned} N m; by rays {force} N, {torque} N m", found.len());
+    assert!((sum / force - 1.0).abs() < 1e-3 && turned.distance(torque) < 1e-3 * torque.length());
+    for c in &found {
+        assert!((c.first.position - c.second.position - c.depth * c.normal).length() < 1e-14);
+        let factor = c.stiffness / law.stiffness;
+        assert!(factor > 1.0 && factor < 7.0 && (c.damping / (factor * law.damping) - 1.0).abs() < 1e-12);
+    }
+    let given = gather_triangles(normal, &own, &other, &law, &Tips { stiffening, damps: false });
+    assert!(given.len() == found.len() && given.iter().all(|c| c.damping == 10.0));
 }
 
 #[test]

@@ -6,7 +6,7 @@ use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::Material;
 
 use super::material;
-use crate::contact::{Carrier, Contact, ContactLaw, Point, Support, Surface, gather_plane};
+use crate::contact::{Carrier, Contact, ContactLaw, Point, Support, Surface, Tested, gather_plane};
 use crate::contact_law::Friction;
 use crate::contact_law::auto_stiffness;
 use crate::skin;
@@ -96,8 +96,7 @@ fn pair(deep: f64) -> (Simulation, Contact) {
         first: Point { position: position - deep * DVec3::Y, carrier: Carrier::Fixed },
         second: Point { position, carrier: Carrier::Nodes(0, vec![(13, 1.0)]) },
         of_first: true,
-        vertex: 13,
-        hit: None,
+        tested: Tested::Vertex(13),
     };
     (simulation, contact)
 }

@@ -6,7 +6,7 @@ use palpate::internal::prepare::layer::kuhn_box;
 use palpate::scene::{Coupling, Material};
 
 use super::material;
-use crate::contact::{Carrier, Contact, ContactLaw, Point, Support, Surface, gather_plane};
+use crate::contact::{Carrier, Contact, ContactLaw, Point, Support, Surface, Tested, gather_plane};
 use crate::contact_law::{auto_stiffness, mean_edge};
 use crate::skin;
 use crate::step::{Simulation, SoftBody, TENSION_REMAINS};
@@ -239,8 +239,7 @@ fn a_contact_pair_keeps_momentum_and_counts_no_pull() {
             carrier: Carrier::Nodes(0, vec![(node, 0.5), (node + 1, 0.5)]),
         },
         of_first: true,
-        vertex: node,
-        hit: None,
+        tested: Tested::Vertex(node),
     };
     let momentum = |s: &Simulation| s.bodies[0].momentum() + s.tool.as_ref().unwrap().velocity * 0.05;
     let before = momentum(&simulation);
