@@ -6,8 +6,10 @@
 use std::time::Duration;
 
 use glam::{DQuat, DVec3};
+use palpate::internal::prepare::Shape;
 use palpate::scene::Material;
 use palpate::{Pose, Scene, Simulation};
+use palpate_oracle::contact_law::auto_stiffness;
 
 use crate::invariant::friction;
 use crate::scene::joints;
@@ -109,6 +111,39 @@ fn another_contact_law_is_felt_at_once() {
     becomes("rougher", &text("friction = 0.2"), &text("friction = 0.8\nfriction_speed = 0.01"), change);
     becomes("friction where there was none", &text(""), &text("friction = 0.5"), change);
     becomes("stiffness by default again", &text("stiffness = 2e8"), &text(""), change);
+}
+
+#[test]
+fn contact_of_a_tip_is_stiffer_unless_the_stiffness_is_given() {
+    let of = |contact: &str| {
+        let text = "[[body]]\nname = \"block\"\nlayer = { box = [[-0.04, -0.04, -0.04], [0.04, 0.0, 0.04]], \
+            cells = [6, 3, 6] }\nmaterial = { young = 2e4, poisson = 0.4, density = 1000.0 }\n[[body.core]]\n\
+            name = \"table\"\nbind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.039, 1.0]] }\n\
+            [tool]\nsphere = 0.003\nmass = 0.05\nposition = [0.003, 0.002, 0.001]\n";
+        scene(&format!("[contact]\n{contact}\n{text}"))
+    };
+    let (automatic, given) = (of(""), of("stiffness = 4194304.0\ndamping = 128.0"));
+    let mut simulation = open(&automatic, None);
+    let Shape::Soft { layer, materials, .. } = &simulation.bodies()[0].shape else { panic!("the block is rigid") };
+    let plain = auto_stiffness(&[(layer, &materials.all[0])]).unwrap() as f32;
+    let laws = |simulation: &mut Simulation| -> Vec<[f32; 2]> {
+        run(simulation, 1);
+        let pressing = simulation.touch().unwrap().1.into_iter().filter(|contact| contact.stiffness != 0.0);
+        pressing.map(|contact| [contact.stiffness, contact.damping]).collect()
+    };
+    // The sphere fills a part of a cell: the contact's stiffness and damping have a factor between 1 and 16.
+    let is_tip = |[stiffness, damping]: &[f32; 2]| {
+        let factor = stiffness / plain;
+        factor > 1.5 && factor <= 16.0 && (damping / (1e-3 * stiffness) - 1.0).abs() < 1e-5
+    };
+    let first = laws(&mut simulation);
+    assert!(!first.is_empty() && first.iter().all(is_tip), "automatic: {first:?} where a face has {plain}");
+    simulation.set_contact(&given.contact).unwrap();
+    let then = laws(&mut simulation);
+    assert!(!then.is_empty() && then.iter().all(|law| *law == [4194304.0, 128.0]), "given: {then:?}");
+    simulation.set_contact(&automatic.contact).unwrap();
+    let again = laws(&mut simulation);
+    assert!(!again.is_empty() && again.iter().all(is_tip), "automatic again: {again:?}");
 }
 
 #[test]
