@@ -204,7 +204,7 @@ pub const CONTACT: TableKeys = TableKeys {
              own but the tool's, and are those of the other body; `auto` takes them where that rigid body has sharp \
              edges or the coarser skin, or where their edges are longer than a fifth of its second longest side, \
              unless their body is a thin sheet; and never where they are longer than three quarters of the second \
-             longest side of their own body, or of the rigid one unless that is a ball.",
+             longest side of either body.",
         ),
     ],
 };

@@ -4,7 +4,6 @@
 //! the contact; then the depth is integrated over triangles.
 
 use std::collections::HashMap;
-use std::f64::consts::PI;
 
 use glam::DVec3;
 
@@ -26,15 +25,12 @@ const FEW: f64 = 0.2;
 /// one normal says little. The shares for its own side: a plate of 6 by 6 by 2, 0.2; a block of 6 by 6 by 3, 0.25; a
 /// cube or a ball, a third.
 const SHEET: [f64; 2] = [0.5, 0.22];
-/// How long the mean edge of the tested triangles may be, as a share of the second longest side of their body's box,
-/// and of the other's unless that is a ball, for the engine to choose triangles: a triangle's contact has no resistance
-/// to rotation about its own centre of pressure, so several of them must share a face that lies flat on them. At this
-/// share at least seven lie at least in part under a square face, which resist its rotation with 77 % of what the exact
-/// overlap does (at half of it with 88 %).
+/// How long the mean edge of the tested triangles may be, as a share of the second longest side of either body's box,
+/// for the engine to choose triangles: a triangle's contact has no resistance to rotation about its own centre of
+/// pressure, so several of them must share a face that lies flat on them. At this share at least seven lie at least in
+/// part under a square face, which resist its rotation with 77 % of what the exact overlap does (at half of it with 88
+/// %).
 const COARSEST: f64 = 0.75;
-/// Sphericity (area of the ball of the same volume over the area; Wadell 1935) from which on a body is a ball. A
-/// cylinder as high as it is wide has 0.87, a spheroid with axes 1, 1 and 0.6 has 0.95.
-const BALL: f64 = 0.98;
 
 /// The side of a pair (0: the first body, 1: the second) whose triangles are tested for contact; `None` where vertices
 /// are. The other side must be rigid and nearly convex, with one collision proxy (convex hull): then its skin, seen
@@ -60,9 +56,7 @@ pub fn side_by_triangles(samples: Samples, pair: [&Body; 2]) -> Option<usize> {
         Samples::Auto => {
             let is_faceted = edge(other) > COARSER * edge(own) || has_sharp_edge(other);
             let meets_few = edge(own) > FEW * width(other) && !is_sheet(pair[side], width(other));
-            edge(own) <= COARSEST * width(own)
-                && (edge(own) <= COARSEST * width(other) || is_ball(other))
-                && (is_faceted || meets_few)
+            edge(own) <= COARSEST * width(own).min(width(other)) && (is_faceted || meets_few)
         }
     };
     (asked && is_nearly_convex(pair[1 - side])).then_some(side)
@@ -80,10 +74,6 @@ fn is_sheet(body: &Body, tool: f64) -> bool {
     let Shape::Soft { skin, .. } = &body.shape else { return false };
     let thickness = 2.0 * volume(skin) / area(skin);
     thickness < SHEET[0] * tool && thickness < SHEET[1] * width(skin)
-}
-
-fn is_ball(skin: &Skin) -> bool {
-    (36.0 * PI * volume(skin).powi(2)).cbrt() >= BALL * area(skin)
 }
 
 /// Volume that a skin encloses, m^3.
@@ -187,27 +177,20 @@ mod tests {
         assert_eq!((auto(&soft, &ball), auto(&fine, &ball), auto(&soft, &soft)), (Some(0), None, None));
         let sheet = |half| body(cuboid(DVec3::new(0.03, half, 0.03), [8, 2, 8]), true);
         assert_eq!([0.001, 0.004, 0.008].map(|half| auto(&sheet(half), &ball)), [None, None, Some(0)]);
-        // A cube is no sheet, however small. A ball may be smaller than a triangle, another round tool may not.
+        // A cube is no sheet, however small. No round tool may be smaller than a triangle.
         let cube_of = |half| body(cuboid(DVec3::splat(half), [6; 3]), true);
-        assert_eq!(auto(&cube_of(0.014), &ball), Some(0));
-        let icosphere = |radius, flatness: f64| {
-            let (mut vertices, triangles) = prepare::sphere::icosphere(radius);
-            vertices.iter_mut().for_each(|x| x.y *= flatness);
-            body((vertices, triangles), false)
-        };
-        let [small, lens] = [1.0, 0.6].map(|flatness| icosphere(0.005, flatness));
-        assert_eq!([&small, &lens].map(|tool| auto(&soft, tool)), [Some(0), None]);
+        let icosphere = |radius| body(prepare::sphere::icosphere(radius), false);
+        assert_eq!([auto(&cube_of(0.014), &ball), auto(&soft, &icosphere(0.005))], [Some(0), None]);
         // Edges of 4.3 and 3.8 mm against a fifth of 20 mm; a block of 2 by 2 by 1 is no sheet for a wide tool.
         let cells = |n| auto(&body(cuboid(DVec3::splat(0.03), [n; 3]), true), &ball);
         assert_eq!([16, 18].map(cells), [Some(0), None]);
         let block = body(cuboid(DVec3::new(0.03, 0.015, 0.03), [6, 3, 6]), true);
-        assert_eq!(auto(&block, &icosphere(0.025, 1.0)), Some(0));
+        assert_eq!(auto(&block, &icosphere(0.025)), Some(0));
         // A ball on a fixed coarse body, and above a half-space.
         let fixed = body(cuboid(DVec3::splat(0.03), [8; 3]), false);
         let mut plane = fixed.clone();
         plane.shape = Shape::Plane { normal: DVec3::Y, offset: 0.0 };
         assert_eq!((auto(&fixed, &ball), auto(&plane, &ball)), (Some(1), None));
-        assert_eq!(auto(&soft, &icosphere(0.01, 0.4)), Some(0));
         // Two triangles would carry the cube.
         assert_eq!(auto(&plate, &cube), None);
         assert_eq!(side_by_triangles(Samples::Triangles, [&plate, &cube]), Some(1));

@@ -120,7 +120,7 @@ fn contact_of_a_tip_is_stiffer_unless_the_stiffness_is_given() {
             cells = [6, 3, 6] }\nmaterial = { young = 2e4, poisson = 0.4, density = 1000.0 }\n[[body.core]]\n\
             name = \"table\"\nbind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.039, 1.0]] }\n\
             [tool]\nsphere = 0.003\nmass = 0.05\nposition = [0.003, 0.002, 0.001]\n";
-        scene(&format!("[contact]\n{contact}\n{text}"))
+        scene(&format!("[contact]\nsamples = \"triangles\"\n{contact}\n{text}"))
     };
     let (automatic, given) = (of(""), of("stiffness = 4194304.0\ndamping = 128.0"));
     let mut simulation = open(&automatic, None);
