@@ -94,7 +94,10 @@ def test_a_watcher_ends_the_haptic_loop_and_may_not_call_the_simulation() -> Non
         Simulation(Scene({"body": BLOCK["body"]})).hold(1.0)
 
 
-def test_contacts_add_up_to_the_force(pressed: Simulation) -> None:
+@pytest.mark.parametrize("samples", ["vertices", "triangles"])
+def test_contacts_add_up_to_the_force(samples: str) -> None:
+    pressed = Simulation(Scene({**BLOCK, "contact": {"samples": samples}}))
+    pressed.run()
     report = pressed.step()
     contacts = pressed.contacts()
     count = len(contacts.vertex)
@@ -105,7 +108,10 @@ def test_contacts_add_up_to_the_force(pressed: Simulation) -> None:
     together = (signs[:, None] * contacts.force).sum(axis=0)
     np.testing.assert_allclose(together, report.force, atol=1e-5 * float(np.linalg.norm(report.force)))
     positions = pressed.skin("block").positions[contacts.vertex[signs < 0]]
-    np.testing.assert_allclose(positions, contacts.position[signs < 0], atol=1e-7)
+    # A triangle's centre of pressure is nearest to that corner: less than a cell of 7.5 mm away.
+    away = np.linalg.norm(positions - contacts.position[signs < 0], axis=1)
+    assert away.max() < (1e-7 if samples == "vertices" else 0.0075)
+    assert samples == "vertices" or away.max() > 1e-4
 
 
 def test_skins_are_views_that_the_next_call_changes(pressed: Simulation) -> None:

@@ -121,26 +121,27 @@ class Contacts(NamedTuple):
     """The contacts of a step by columns: N skin vertices, or parts of triangles, that lie inside another body."""
 
     bodies: Indices
-    """The body that the vertex belongs to, and the body that it touches, by index, shape (N, 2); the tool's index is the
-    one after the last body's."""
+    """The body that the vertex or triangle belongs to, and the body that it touches, by index, shape (N, 2); the tool's
+    index is the one after the last body's."""
     vertex: Indices
-    """Index of the vertex in the skin of its body, shape (N,)."""
+    """Index of the vertex in the skin of its body, shape (N,); of a triangle, the corner nearest to its centre of
+    pressure."""
     position: Floats
-    """World position of the vertex, m, shape (N, 3)."""
+    """World position of the vertex, or of the triangle's centre of pressure, m, shape (N, 3)."""
     normal: Floats
     """Unit normal out of the touched body, world axes, shape (N, 3)."""
     depth: Floats
-    """Depth of the vertex along the normal, m, shape (N,)."""
+    """Depth of the vertex along the normal, m, shape (N,); of a triangle, the mean over its part."""
     area: Floats
-    """Area of skin that the vertex stands for, projected along the normal, m^2, shape (N,)."""
+    """Area of skin that the vertex stands for, or of the triangle's part, projected along the normal, m^2, shape (N,)."""
     pressure: Floats
     """Pressure along the normal at the end of the step, Pa, shape (N,)."""
     friction: Floats
-    """Friction force per area on the body of the vertex, world axes, Pa, shape (N, 3)."""
+    """Friction force per area on the body of the vertex or triangle, world axes, Pa, shape (N, 3)."""
 
     @property
     def force(self) -> Floats:
-        """Force on the body of the vertex, world axes, N, shape (N, 3)."""
+        """Force on the body of the vertex or triangle, world axes, N, shape (N, 3)."""
         return self.area[:, None] * (self.pressure[:, None] * self.normal + self.friction)
 
 
