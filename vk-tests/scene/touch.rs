@@ -128,7 +128,7 @@ const POSE: f64 = 1.0e-5;
 /// Greatest allowed error of node displacements, relative to the largest displacement, by vertices and by triangles. By
 /// triangles it is greatest in the first step of contact, when displacements are smallest: heights are known to some 1e-8
 /// m, and a contact of a triangle takes in many of them.
-const DISPLACEMENT: [f64; 2] = [5.0e-5, 1.0e-4];
+pub const DISPLACEMENT: [f64; 2] = [5.0e-5, 1.0e-4];
 /// Greatest depth of a contact that only the engine or only the oracle finds, m.
 const LONE_DEPTH: f64 = 1.0e-7;
 
