@@ -27,9 +27,8 @@ const FEW: f64 = 0.2;
 const SHEET: [f64; 2] = [0.5, 0.22];
 /// How long the mean edge of the tested triangles may be, as a share of the second longest side of either body's box,
 /// for the engine to choose triangles: a triangle's contact has no resistance to rotation about its own centre of
-/// pressure, so several of them must share a face that lies flat on them. At this share at least seven lie at least in
-/// part under a square face, which resist its rotation with 77 % of what the exact overlap does (at half of it with 88
-/// %).
+/// pressure, so several of them must share a face that lies flat on them. At this share seven or more lie in part under a
+/// square face, and resist its rotation with 77 % of what the exact overlap does; at half of it with 88 %.
 const COARSEST: f64 = 0.75;
 
 /// The side of a pair (0: the first body, 1: the second) whose triangles are tested for contact; `None` where vertices

@@ -19,7 +19,7 @@
 //! | [`cull`] | broad phase: separation and penetration of convex hulls |
 //! | [`proximity`] | broad phase: placement and bounds of proxies, contact normals |
 //! | [`contact_patches`] | bounds of parts of a skin, blending of several contact patches at a vertex |
-//! | [`contact`], [`rays`] | narrow phase: depth by exact rays, contacts |
+//! | [`contact`], [`rays`], [`overlap`] | narrow phase: depth by exact rays or overlaps of triangles, contacts |
 //! | [`contact_law`], [`material_law`], [`neo_hookean`] | the contact and material laws |
 //! | [`friction`] | friction of contacts |
 //! | [`linear`], [`step`], `newton` | the implicit step, solved directly |

@@ -1,8 +1,8 @@
 //! The reference of accuracy curves in which a tool (rigid body that the haptic device leads) is pressed into a soft
 //! body: the same steps by the f64 reference implementation (the oracle), with a direct solver
-//! ([`palpate_oracle::step`]) and contacts by exact rays or overlaps ([`palpate_oracle::contact`]). Only
-//! three things come from the engine, which does each step just before the oracle: the normal of the contact patch
-//! (place where body and tool may touch), the choice of what is tested for contact, and how much stiffer contact is at
+//! ([`palpate_oracle::step`]) and contacts by exact rays or overlaps ([`palpate_oracle::contact`]). Only three
+//! things come from the engine, which does each step just before the oracle: the normal of the contact patch (place
+//! where body and tool may touch), the choice of what is tested for contact, and how much stiffer contact is at
 //! triangles of the tool.
 
 use glam::DVec3;

@@ -134,7 +134,7 @@ fn triangles_of_a_coarse_sphere_push_as_its_overlap_with_a_fine_one() {
     let law = ContactLaw { stiffness: 1e6, damping: 10.0, depth_limit: 0.05 };
     let stiffening: Vec<f64> = (0..bt.len()).map(|i| 1.0 + (i % 7) as f64).collect();
     let found = gather_triangles(normal, &own, &other, &law, &Tips { stiffening: stiffening.clone(), damps: true });
-    // The same by rays through points of a grid.
+    // Net force and torque are compared with sums over a grid of points, through each of which rays meet both spheres.
     let (above, below) = (Rays::new(normal, &a, &at), Rays::new(-normal, &b, &bt));
     let step = 2e-4;
     let (mut force, mut torque) = (0.0, DVec3::ZERO);
@@ -144,7 +144,7 @@ fn triangles_of_a_coarse_sphere_push_as_its_overlap_with_a_fine_one() {
             let hits = (above.first(x + normal), below.first(x - normal));
             let (Some(top), Some(bottom)) = hits else { continue };
             let depth = (1.0 - top.depth) - (bottom.depth - 1.0);
-            let push = 1e6 * stiffening[bottom.triangle as usize] * depth.max(0.0) * step * step;
+            let push = law.stiffness * stiffening[bottom.triangle as usize] * depth.max(0.0) * step * step;
             force += push;
             torque += push * x.cross(normal);
         }
