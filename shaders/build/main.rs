@@ -76,15 +76,23 @@ fn build() -> Result<(), String> {
         return Err(format!("two shaders are called {}", twice[0].name));
     }
     let headers = entries(&root.join("shared"))?.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
-    write(&out.join("spirv.rs"), table(&shaders).as_bytes())?;
+    write(&out.join("spirv.rs"), table(&shaders)?.as_bytes())?;
     let generated = format!("{}{}", structs::shared(&headers, &shaders)?, arguments::modules(&headers, &shaders)?);
     write(&out.join("shaders.rs"), generated.as_bytes())
 }
 
 /// The Rust text of the table of binaries.
-fn table(shaders: &[Shader]) -> String {
-    let mut text = String::from(
-        "/// Name of every shader, and its SPIR-V with texel buffers and with storage buffers; sorted by name.\n\
+fn table(shaders: &[Shader]) -> Result<String, String> {
+    let texels = |shader: &Shader| -> Result<usize, String> {
+        let Some(file) = shader.files.first() else { return Ok(0) };
+        let is_texel = |kind| matches!(kind, spirv::BindingKind::TexelFloat | spirv::BindingKind::TexelUint);
+        Ok(spirv::reflect(&words(file)?)?.bindings.iter().filter(|binding| is_texel(binding.kind)).count())
+    };
+    let most = shaders.iter().map(texels).collect::<Result<Vec<_>, _>>()?.into_iter().max().unwrap_or(0);
+    let mut text = format!(
+        "/// Greatest number of texel buffers of any shader.\n\
+         pub const MOST_TEXEL_BUFFERS: u32 = {most};\n\
+         /// Name of every shader, and its SPIR-V with texel buffers and with storage buffers; sorted by name.\n\
          pub static SHADERS: &[(&str, [&[u8]; 2])] = &[\n",
     );
     for Shader { name, files, .. } in shaders {
@@ -92,7 +100,12 @@ fn table(shaders: &[Shader]) -> String {
         let [texel, storage] = [texel, storage].map(Option::unwrap_or_default);
         let _ = writeln!(text, "    ({name:?}, [include_bytes!({texel:?}), include_bytes!({storage:?})]),");
     }
-    text + "];\n"
+    Ok(text + "];\n")
+}
+
+fn words(file: &Path) -> Result<Vec<u32>, String> {
+    let bytes = fs::read(file).map_err(|e| format!("cannot read {}: {e}", file.display()))?;
+    Ok(bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect())
 }
 
 /// Compiles a shader, unless there are binaries made from the same text: in the output folder, or in `shaders/compiled`
@@ -123,8 +136,7 @@ fn refresh(root: &Path, source: &Path, out: &Path) -> Result<(Shader, bool), Str
     }
     let files = binaries(current.unwrap_or(out));
     let last = files.last().ok_or_else(|| format!("internal error: {name} was not compiled"))?;
-    let bytes = fs::read(last).map_err(|e| format!("cannot read {}: {e}", last.display()))?;
-    let words = bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
+    let words = words(last)?;
     Ok((Shader { name, text: read(source)?, files, words }, current.is_none()))
 }
 

@@ -1,14 +1,11 @@
 // Declares read-only arrays of vec4 or uvec4; a texel is one element. A shader that has such arrays is compiled twice:
-// with texel buffers, which lavapipe (Mesa's software Vulkan driver) reads faster, and with storage buffers, for
-// devices whose texel buffers hold too few elements. The host (CPU side) picks one version for its device.
+// with storage texel buffers, which lavapipe (Mesa's software Vulkan driver) reads fastest, and with storage buffers,
+// for devices that have too few texel buffers or too small ones. The host (CPU side) picks one version for its device.
 
 #ifdef TEXEL_ARRAYS
-// Without this extension GLSL has texel buffers as sampled images only, which SPIR-V 1.6 forbids and SwiftShader does
-// not know.
-#extension GL_EXT_samplerless_texture_functions : require
-#define READ_ONLY_vec4(array) uniform textureBuffer array
-#define READ_ONLY_uvec4(array) uniform utextureBuffer array
-#define fetch(array, index) texelFetch(array, int(index))
+#define READ_ONLY_vec4(array) layout(rgba32f) readonly uniform imageBuffer array
+#define READ_ONLY_uvec4(array) layout(rgba32ui) readonly uniform uimageBuffer array
+#define fetch(array, index) imageLoad(array, int(index))
 #else
 #define READ_ONLY_vec4(array) layout(scalar) readonly buffer array##_block { vec4 array[]; }
 #define READ_ONLY_uvec4(array) layout(scalar) readonly buffer array##_block { uvec4 array[]; }

@@ -32,14 +32,14 @@ const REDUCE_SIZES: std::ops::RangeInclusive<u32> = 8..=256;
 /// Size of the blocks in which memory is requested from the driver, bytes.
 const MEMORY_BLOCK: u64 = 16 << 20;
 
-/// Least number of 16-byte elements that the device's texel buffers must be able to hold for texel buffers to be used.
+/// Least number of 16-byte elements that the device's storage texel buffers must be able to hold for texel buffers to be used.
 /// These elements take 1 GiB, less than the memory of most GPUs; with a lower limit, large scenes could not run.
 const TEXEL_ELEMENTS: u32 = 1 << 26;
 
 /// How kernels reach arrays of vectors that they only read; see `shaders/shared/arrays.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Arrays {
-    /// Through texel buffers.
+    /// Through storage texel buffers.
     Texel,
     /// Through storage buffers.
     Storage,
@@ -360,16 +360,22 @@ impl Context {
     }
 
     /// How kernels reach arrays of vectors that they only read: the kind given by [`Options::arrays`], else the kind
-    /// that [`Context::choose_arrays`] decided, else texel buffers where these are large enough.
+    /// that [`Context::choose_arrays`] decided, else texel buffers where the device has enough and large ones.
     pub fn arrays(&self) -> Arrays {
-        let by_limit = || if self.has_large_texel_buffers() { Arrays::Texel } else { Arrays::Storage };
+        let by_limit = || if self.has_texel_buffers() { Arrays::Texel } else { Arrays::Storage };
         *self.arrays.get_or_init(by_limit)
     }
 
-    /// Whether the device's texel buffers are large enough for large scenes.
+    /// Whether the device's texel buffers are large enough for large scenes, and every kernel can bind all of its own.
     #[doc(hidden)]
-    pub fn has_large_texel_buffers(&self) -> bool {
-        self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS
+    pub fn has_texel_buffers(&self) -> bool {
+        self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS && self.texel_buffers() >= kernel::MOST_TEXEL_BUFFERS
+    }
+
+    /// Greatest number of storage texel buffers that a kernel may bind.
+    #[doc(hidden)]
+    pub fn texel_buffers(&self) -> u32 {
+        self.limits.max_per_stage_descriptor_storage_images
     }
 
     /// The value of [`Options::arrays`].

@@ -48,7 +48,8 @@ pub(super) fn details(instance: &ash::Instance, of: &Candidate) -> Vec<(&'static
         (
             "arrays",
             format!(
-                "texel buffers of up to {} elements, {} storage buffers for each kernel of up to {}",
+                "for each kernel {} texel buffers of up to {} elements, {} storage buffers of up to {}",
+                limits.max_per_stage_descriptor_storage_images,
                 limits.max_texel_buffer_elements,
                 limits.max_per_stage_descriptor_storage_buffers,
                 bytes(limits.max_storage_buffer_range.into())

@@ -21,6 +21,7 @@ pub(super) const ONE_SUBGROUP: u32 = 30;
 mod table {
     include!(concat!(env!("OUT_DIR"), "/spirv.rs"));
 }
+pub(super) use table::MOST_TEXEL_BUFFERS;
 
 /// How the workgroup size of a kernel is chosen; specialization constant 0 of the shader gets this size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -287,13 +288,24 @@ impl Interface {
         stages: vk::ShaderStageFlags,
     ) -> Result<Interface> {
         let stage = || format!("kernel {name}");
-        let storage = reflection.bindings.iter().filter(|b| b.kind == BindingKind::Storage).count();
-        let most = context.limits.max_per_stage_descriptor_storage_buffers;
-        if storage > most as usize {
-            let device = context.device_name();
-            let what = format!("{device} allows {most} storage buffers per kernel, but kernel {name} has {storage}");
-            let remedy = "choose another device with --device, or fewer such buffers with --arrays texel";
-            return Err(Error::NoDevice(format!("{what}; {remedy}")));
+        let limits = &context.limits;
+        for (kind, other, ty, most) in [
+            ("storage", "texel", vk::DescriptorType::STORAGE_BUFFER, limits.max_per_stage_descriptor_storage_buffers),
+            (
+                "texel",
+                "storage",
+                vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+                limits.max_per_stage_descriptor_storage_images,
+            ),
+        ] {
+            let count = reflection.bindings.iter().filter(|b| descriptor_type(b.kind) == ty).count();
+            if count > most as usize {
+                let device = context.device_name();
+                let what = format!("{device} allows {most} {kind} buffers per kernel, but kernel {name} has {count}");
+                let remedy =
+                    format!("choose another device with --device, or fewer such buffers with --arrays {other}");
+                return Err(Error::NoDevice(format!("{what}; {remedy}")));
+            }
         }
         let bindings: Vec<_> = reflection
             .bindings
@@ -348,7 +360,7 @@ pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
     match kind {
         BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
         BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
-        BindingKind::TexelFloat | BindingKind::TexelUint => vk::DescriptorType::UNIFORM_TEXEL_BUFFER,
+        BindingKind::TexelFloat | BindingKind::TexelUint => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
     }
 }
 

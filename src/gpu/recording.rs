@@ -169,7 +169,7 @@ impl Commands {
         let size = |ty, count| vk::DescriptorPoolSize { ty, descriptor_count: count };
         let sizes = [
             size(vk::DescriptorType::STORAGE_BUFFER, SETS * 8),
-            size(vk::DescriptorType::UNIFORM_TEXEL_BUFFER, SETS * 8),
+            size(vk::DescriptorType::STORAGE_TEXEL_BUFFER, SETS * 8),
             size(vk::DescriptorType::UNIFORM_BUFFER, SETS),
         ];
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS).pool_sizes(&sizes);

@@ -88,7 +88,7 @@ const TYPE_IMAGE: u32 = 25;
 const PTR_ACCESS_CHAIN: u32 = 67;
 const IMAGE_TEXEL_POINTER: u32 = 60;
 const IMAGE_QUERY_SIZE: u32 = 104;
-const IMAGE_FETCH: u32 = 95;
+const IMAGE_READ: u32 = 98;
 const ATOMIC_STORE: u32 = 228;
 /// Opcode of the first atomic instruction. All atomic instructions but `ATOMIC_STORE` return a value.
 const ATOMIC_FIRST: u32 = 227;
@@ -451,9 +451,7 @@ impl<'a> Flow<'a> {
                         out.extend([UNDEFINED_WORDS, *ty, *id]);
                     }
                 }
-                (ARRAY_LENGTH | IMAGE_FETCH | ATOMIC_FIRST..=ATOMIC_LAST, [ty, id, from, ..])
-                    if gone.contains(from) =>
-                {
+                (ARRAY_LENGTH | IMAGE_READ | ATOMIC_FIRST..=ATOMIC_LAST, [ty, id, from, ..]) if gone.contains(from) => {
                     out.extend([UNDEFINED_WORDS, *ty, *id]);
                 }
                 (

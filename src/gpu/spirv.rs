@@ -13,9 +13,9 @@ pub enum BindingKind {
     Storage,
     /// `uniform` block.
     Uniform,
-    /// `textureBuffer`: four floats an element.
+    /// `imageBuffer`, read only: four floats an element.
     TexelFloat,
-    /// `utextureBuffer`: four unsigned integers an element.
+    /// `uimageBuffer`, read only: four unsigned integers an element.
     TexelUint,
 }
 
@@ -228,9 +228,9 @@ impl Module {
             (22, [id, bits, ..]) => drop(self.types.insert(*id, Type::Float { bytes: bits / 8 })),
             (23, [id, of, count]) => drop(self.types.insert(*id, Type::Vector { of: *of, count: *count })),
             (24, [id, _, columns]) => drop(self.types.insert(*id, Type::Matrix { columns: *columns })),
-            // Images with dimensionality 5 (buffer) that are sampled are texel buffers. All other images are left out
-            // here, so that a binding which uses one is reported as an error.
-            (25, [id, sampled, 5, _, _, _, 1, ..]) => {
+            // Images with dimensionality 5 (buffer) without a sampler are storage texel buffers. All other images are left
+            // out here, so that a binding which uses one is reported as an error.
+            (25, [id, sampled, 5, _, _, _, 2, ..]) => {
                 drop(self.types.insert(*id, Type::BufferImage { sampled: *sampled }))
             }
             (28, [id, of, length]) => {
@@ -258,7 +258,7 @@ impl Module {
             STORAGE_BUFFER => BindingKind::Storage,
             STORAGE_UNIFORM if self.marks.get(&ty).is_some_and(|m| m.block) => BindingKind::Uniform,
             _ => self.texel_kind(ty).ok_or_else(|| {
-                format!("{name} is neither a buffer block, a uniform block, a textureBuffer nor a utextureBuffer")
+                format!("{name} is neither a buffer block, a uniform block, an imageBuffer nor a uimageBuffer")
             })?,
         };
         let all = |mark: fn(&Marks) -> bool| match self.types.get(&ty) {

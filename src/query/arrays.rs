@@ -29,8 +29,9 @@ pub struct ArrayChoice {
 enum Why {
     /// The options ask for this kind.
     Asked,
-    /// The device's texel buffers are too small; a texel buffer holds at most this number of elements.
-    Limit(u32),
+    /// The device has too few texel buffers or too small ones: a kernel may bind at most this number of them, and each
+    /// holds at most this number of elements.
+    Limit(u32, u32),
     /// The device lets a kernel bind too few storage buffers; this is the greatest number.
     Buffers(u32),
     /// The choice was made earlier in this context, for another kernel or another simulation.
@@ -47,8 +48,8 @@ impl ArrayChoice {
         let (_, limit) = context.array_limits();
         let why = if context.arrays_asked_for().is_some() {
             Why::Asked
-        } else if !context.has_large_texel_buffers() {
-            Why::Limit(limit as u32)
+        } else if !context.has_texel_buffers() {
+            Why::Limit(context.texel_buffers(), limit as u32)
         } else if context.storage_buffers() < shaders::MOST_STORAGE_BUFFERS {
             context.choose_arrays(Arrays::Texel);
             Why::Buffers(context.storage_buffers())
@@ -72,7 +73,9 @@ impl fmt::Display for ArrayChoice {
         write!(f, "{} buffers: ", name(self.arrays))?;
         match self.why {
             Why::Asked => write!(f, "asked for"),
-            Why::Limit(elements) => write!(f, "the device's texel buffers hold only {elements} elements"),
+            Why::Limit(count, elements) => {
+                write!(f, "a kernel may bind only {count} texel buffers of up to {elements} elements on the device")
+            }
             Why::Buffers(count) => write!(f, "the device lets a kernel bind at most {count} storage buffers"),
             Why::Before => write!(f, "as chosen before on this device"),
             Why::Unmeasured => write!(f, "not measured"),
@@ -168,12 +171,13 @@ mod tests {
             assert_eq!(chosen(options), (arrays, format!("{name} buffers: asked for")));
         }
         let options = Options { texel_elements: Some(65_536), cache: None, ..measured() };
-        let why = "storage buffers: the device's texel buffers hold only 65536 elements";
-        assert_eq!(chosen(options), (Arrays::Storage, why.into()));
+        let limited = chosen(options);
+        assert_eq!(limited.0, Arrays::Storage);
+        assert!(limited.1.contains(" of up to 65536 elements"), "choice by the limit: {limited:?}");
         let plain = chosen(Options { cache: Some(cache.clone()), ..Options::default() });
-        assert!(plain.1.contains("not measured") || plain.1.contains("hold only"), "unmeasured choice: {plain:?}");
+        assert!(plain.1.contains("not measured") || plain.1.contains("bind only"), "unmeasured choice: {plain:?}");
         let first = chosen(measured());
-        assert!(first.1.contains("measured ") || first.1.contains("hold only"), "choice by measurement: {first:?}");
+        assert!(first.1.contains("measured ") || first.1.contains("bind only"), "choice by measurement: {first:?}");
         // Times differ from one measurement to the next, so equal times show that the second call read stored times.
         assert_eq!(chosen(measured()), first);
     }

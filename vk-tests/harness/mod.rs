@@ -198,12 +198,14 @@ impl Case {
     }
 
     /// Runs the case twice, with texel buffers and with storage buffers. Both runs must leave the same bits in the
-    /// arrays. Where an array does not fit into a texel buffer of the device, the case runs once, with storage buffers.
+    /// arrays. Where an array does not fit into a texel buffer of the device, or the device has too few, the case runs
+    /// once, with storage buffers.
     /// Guard words, inputs, canaries and validation messages are checked too; any check that fails panics.
     pub fn run(self) -> Outcome {
         turn();
         let (_, most) = context().array_limits();
-        if self.given.iter().any(|given| given.words.len().div_ceil(4) as u64 > most) {
+        let is_large = self.given.iter().any(|given| given.words.len().div_ceil(4) as u64 > most);
+        if is_large || !context().has_texel_buffers() {
             let after = self.run_with(Arrays::Storage);
             return Outcome { kernel: self.kernel, given: self.given, after };
         }

@@ -54,7 +54,7 @@ pub fn compare(options: &Options, watch: &mut dyn FnMut(&str)) -> Result<Vec<Var
     let (own, has_texel, has_storage) = {
         let context = Context::open(options)?;
         let has_storage = context.storage_buffers() >= palpate::internal::shaders::MOST_STORAGE_BUFFERS;
-        (forces(&context, &scene, STEPS)?, context.has_large_texel_buffers(), has_storage)
+        (forces(&context, &scene, STEPS)?, context.has_texel_buffers(), has_storage)
     };
     let greatest_force = greatest(own.iter().map(|force| force.length()));
     let mut variants = Vec::new();
