@@ -26,11 +26,14 @@
 //
 // In later Newton iterations the kernel reads the trial displacements of elastic/trial, which contain already the trial
 // change of velocity x (the last iteration's solution), and writes h f + h^2 K x - h beta K v, where the first K has the
-// geometric part. One invocation runs for each tetrahedron. The f64 reference is oracle::elastic::Elements::impulses. An
-// F-bar patch is a group of tetrahedra that share one volumetric strain.
+// geometric part. An F-bar patch is a group of tetrahedra that share one volumetric strain.
+//
+// One invocation runs for each tetrahedron that can deform. The others lie within a rigid core; their rotations, forces
+// and gradients stay as they were at first, without rotation and zero. The f64 reference is
+// oracle::elastic::Elements::impulses.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint TETRAHEDRA = 0;
+layout(constant_id = 1) const uint ELEMENTS = 0;        // number of tetrahedra that can deform
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
 layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act through F-bar patches
 layout(constant_id = 4) const uint LAWS = 1;            // a bit for each material law in use
@@ -41,7 +44,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Materials { ElasticMaterial materials[]; };
 READ_ONLY(uvec4, tetrahedra);
 READ_ONLY(vec4, rest_gradients);  // three per tetrahedron: g of nodes 2 to 4 (1/m); w of the first: sqrt(V)
-layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // material and frame of each tetrahedron
+READ_ONLY(uvec4, deforming);      // the tetrahedra that can deform: index, material, frame
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
 READ_ONLY(uvec4, tetrahedron_links);   // links from the first node's frame to each node's frame; 0: the same frame
@@ -60,13 +63,13 @@ layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // fo
 #include "shared/element.glsl"
 
 void main() {
-    uint t = gl_GlobalInvocationID.x;
-    if (t >= TETRAHEDRA) return;
+    if (gl_GlobalInvocationID.x >= ELEMENTS) return;
+    uvec4 element = fetch(deforming, gl_GlobalInvocationID.x);
+    uint t = element.x, frame = element.z;
+    ElasticMaterial material = materials[element.y];
     uvec4 nodes = fetch(tetrahedra, t);
     vec4 g1 = fetch(rest_gradients, 3 * t), g2 = fetch(rest_gradients, 3 * t + 1),
         g3 = fetch(rest_gradients, 3 * t + 2);
-    uint frame = element_info[t].y;
-    ElasticMaterial material = materials[element_info[t].x];
     float root = g1.w;
     uvec4 link = SPANS ? fetch(tetrahedron_links, t) : uvec4(0);
     mat3 g = displacement_gradient(nodes, link, g1.xyz, g2.xyz, g3.xyz);

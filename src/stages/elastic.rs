@@ -39,6 +39,9 @@ pub struct Elastic {
     pub(super) rest_gradients: Buffer,
     /// Per tetrahedron: its material and frame.
     pub(super) element_info: Buffer,
+    /// The tetrahedra that can deform; see [`Model::deforming`].
+    deforming: Buffer,
+    deforming_count: u32,
     /// Per node: rest position relative to its frame's centre (m), and mass (kg).
     pub node_rest: Buffer,
     /// Per node: its first quad (uvec4) in `node_elements`, number of quads, frame, and what decides its motion, as in
@@ -83,7 +86,7 @@ impl Elastic {
         let constants = |newton: bool| {
             [
                 ("NEWTON", Const::Bool(newton)),
-                ("TETRAHEDRA", count(tetrahedra)),
+                ("ELEMENTS", count(model.deforming.len())),
                 ("SPANS", Const::Bool(model.spans_frames())),
                 ("PATCHES", Const::Bool(patches > 0)),
                 ("LAWS", Const::Uint(material_law::laws_of(&model.materials))),
@@ -117,6 +120,8 @@ impl Elastic {
             tetrahedron_links: model.spans_frames().then(links).transpose()?,
             rest_gradients: upload(context, "rest_gradients", &model.rest_gradients)?,
             element_info: upload(context, "element_info", &model.element_info)?,
+            deforming: upload(context, "deforming", &model.deforming)?,
+            deforming_count: model.deforming.len() as u32,
             node_rest: upload(context, "node_rest", &model.node_rest)?,
             node_info: upload(context, "node_info", &model.node_info)?,
             node_elements: upload(context, "node_elements", &model.padded_node_elements())?,
@@ -208,7 +213,7 @@ impl Elastic {
                 materials: &self.materials,
                 tetrahedra: &self.tetrahedra,
                 rest_gradients: &self.rest_gradients,
-                element_info: &self.element_info,
+                deforming: &self.deforming,
                 displacement: newton.map_or(&self.displacement, |newton| &newton.displacement),
                 velocity: &self.velocity,
                 tetrahedron_links: self.tetrahedron_links.as_ref(),
@@ -221,7 +226,7 @@ impl Elastic {
                 counts: &common.counts,
                 element_forces: &self.element_forces,
             },
-            self.tetrahedron_count as u32,
+            self.deforming_count,
         );
         if let Some(mean_dilatation) = &self.mean_dilatation {
             mean_dilatation.record(recorder, common, self, newton.map(|newton| &newton.change));

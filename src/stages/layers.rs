@@ -103,6 +103,11 @@ impl Model {
         let mut mass = vec![0.0; layer.nodes.len()];
         let mut damping = mass.clone();
         let mut entries = vec![Vec::new(); layer.nodes.len()];
+        // Whether a tetrahedron lies within one core, so that it does not deform.
+        let rigid = |t: usize| {
+            let nodes = layer.tetrahedra[t];
+            nodes.iter().all(|n| layer.attached[*n as usize] && frame_of(*n) == frame_of(nodes[0]))
+        };
         for (t, nodes) in layer.tetrahedra.iter().enumerate() {
             let x = nodes.map(|n| layer.nodes[n as usize]);
             let edges = glam::DMat3::from_cols(x[1] - x[0], x[2] - x[0], x[3] - x[0]);
@@ -113,23 +118,21 @@ impl Model {
             self.tetrahedra.push(nodes.map(|n| n + node_first as u32));
             self.tetrahedron_links.push(links);
             self.rest_gradients.push(texel(gradients.x_axis, volume.sqrt()));
-            let material = materials.of(t);
+            let (material, index) = (materials.of(t), (material_first + materials.index(t)) as u32);
             self.rest_gradients.extend([gradients.y_axis, gradients.z_axis].map(|g| texel(g, 0.0)));
-            self.element_info.push([(material_first + materials.index(t)) as u32, frame]);
+            self.element_info.push([index, frame]);
+            if !rigid(t) || !layer.patches.is_empty() {
+                self.deforming.push([(tetrahedron_first + t) as u32, index, frame, 0]);
+            }
             for (corner, n) in nodes.iter().enumerate() {
                 mass[*n as usize] += 0.25 * material.density * volume;
                 damping[*n as usize] += 0.25 * material.damping_mass * material.density * volume;
-                // A tetrahedron within one core does not deform: the core's nodes get no force from it.
-                let within = nodes.iter().all(|n| layer.attached[*n as usize] && frame_of(*n) == frame);
-                if !(within && carries[*n as usize].is_some()) {
+                // The nodes of a core get no force from a tetrahedron within it.
+                if !(rigid(t) && carries[*n as usize].is_some()) {
                     entries[*n as usize].push((4 * (tetrahedron_first + t) + corner) as u32);
                 }
             }
         }
-        let rigid = |t: usize| {
-            let nodes = layer.tetrahedra[t];
-            nodes.iter().all(|n| layer.attached[*n as usize] && frame_of(*n) == frame_of(nodes[0]))
-        };
         let patch_first = self.patches.count();
         let moduli = |t: usize| {
             let material = parameters(materials.of(t));

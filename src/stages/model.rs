@@ -169,6 +169,9 @@ pub struct Model {
     pub rest_gradients: Vec<[f32; 4]>,
     /// Per tetrahedron: its material and frame.
     pub element_info: Vec<[u32; 2]>,
+    /// For each tetrahedron that can deform: its index, material and frame, and a zero. The others lie within one rigid
+    /// core, and in no F-bar patch.
+    pub deforming: Vec<[u32; 4]>,
 
     /// F-bar patches, which are groups of tetrahedra that share one volumetric strain.
     pub patches: Patches,

@@ -48,8 +48,11 @@ const TINY_STRAIN: f64 = 5.0e-6;
 /// which it shares its volumetric strain) or `NONE`, and is empty without patches.
 pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
     let tetrahedra = system.model.tetrahedra.len();
+    // The kernel works on all tetrahedra here, also on those that a step leaves out, since they cannot deform.
+    let info = &system.model.element_info;
+    let deforming: Vec<_> = info.iter().zip(0..).map(|([material, frame], t)| [t, *material, *frame, 0]).collect();
     case("elastic/element_forces")
-        .constant("TETRAHEDRA", tetrahedra as u32)
+        .constant("ELEMENTS", tetrahedra as u32)
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
         .constant("LAWS", laws_of(&system.model.materials))
@@ -59,7 +62,7 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .input("materials", &system.model.materials)
         .input("tetrahedra", &system.model.tetrahedra)
         .input("rest_gradients", &system.model.rest_gradients)
-        .input("element_info", &system.model.element_info)
+        .input("deforming", &deforming)
         .input("displacement", &system.displacement)
         .input("velocity", &system.velocity)
         .input("tetrahedron_links", &system.model.tetrahedron_links)
