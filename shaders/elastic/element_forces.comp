@@ -28,12 +28,12 @@
 // change of velocity x (the last iteration's solution), and writes h f + h^2 K x - h beta K v, where the first K has the
 // geometric part. An F-bar patch is a group of tetrahedra that share one volumetric strain.
 //
-// One invocation runs for each tetrahedron that can deform. The others lie within a rigid core; their rotations, forces
-// and gradients stay as they were at first, without rotation and zero. The f64 reference is
-// oracle::elastic::Elements::impulses.
+// One invocation runs for each tetrahedron that can deform, or shares a patch with one that can. The others lie within
+// a rigid core: they keep the rotation and the gradients that they had at first, none and zero, and no kernel needs
+// their forces. The f64 reference is oracle::elastic::Elements::impulses.
 
 layout(local_size_x_id = 0) in;
-layout(constant_id = 1) const uint ELEMENTS = 0;        // number of tetrahedra that can deform
+layout(constant_id = 1) const uint ELEMENTS = 0;        // length of `deforming`
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
 layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act through F-bar patches
 layout(constant_id = 4) const uint LAWS = 1;            // a bit for each material law in use
@@ -44,7 +44,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Materials { ElasticMaterial materials[]; };
 READ_ONLY(uvec4, tetrahedra);
 READ_ONLY(vec4, rest_gradients);  // three per tetrahedron: g of nodes 2 to 4 (1/m); w of the first: sqrt(V)
-READ_ONLY(uvec4, deforming);      // the tetrahedra that can deform: index, material, frame
+READ_ONLY(uvec4, deforming);      // of each tetrahedron that this kernel works on: index, material, frame
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
 READ_ONLY(uvec4, tetrahedron_links);   // links from the first node's frame to each node's frame; 0: the same frame

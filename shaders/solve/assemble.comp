@@ -23,7 +23,9 @@
 //   elastic/element_forces and elastic/mean_dilatation write, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
 //   residual b - A x of the last solve. Were this residual not carried over, its impulse would be lost in every step,
 //   always in the same smooth motions: iterations after a warm start reduce the residual of smooth motions last.
-// - for each free node, the inverse of its 3x3 diagonal block D of A, and, where there are a coarse space and contacts,
+// - for each free node, the inverse of its 3x3 diagonal block D of A: (1 + h alpha) m I, plus its contacts' part, plus
+//   the sum of its elements' blocks or, where the operator is assembled, minus the sum of its row (the blocks of a row
+//   sum to zero, shared/rows.glsl). And, where there are a coarse space and contacts,
 //   the block E, which is D without the contacts' part; for each attached node, its diagonal block itself, from which
 //   solve/cores computes the diagonal block of the core.
 // - for each block of nodes, b . D^-1 b, with D the nodes' diagonal blocks, and (e . D^-1 e) eps^2, where e sums the

@@ -32,7 +32,7 @@ const REDUCE_SIZES: std::ops::RangeInclusive<u32> = 8..=256;
 /// Size of the blocks in which memory is requested from the driver, bytes.
 const MEMORY_BLOCK: u64 = 16 << 20;
 
-/// Least number of 16-byte elements that the device's storage texel buffers must be able to hold for texel buffers to be used.
+/// Least number of 16-byte elements that the device's storage texel buffers must be able to hold for them to be used.
 /// These elements take 1 GiB, less than the memory of most GPUs; with a lower limit, large scenes could not run.
 const TEXEL_ELEMENTS: u32 = 1 << 26;
 
@@ -66,7 +66,7 @@ pub struct Options {
     /// Whether to measure, in a fraction of a second, which alternative is faster on the device, where no option
     /// decides: texel or storage buffers for arrays, and compute or graphics pipelines for the depth stage (which finds
     /// penetration depths). This is measured once per context, or with a cache folder once per device. `false`: texel
-    /// buffers are used where they are large enough, and compute pipelines.
+    /// buffers are used where the device has enough and large ones, and compute pipelines.
     pub measure: bool,
     /// Shaders to replace: the name of each, and the SPIR-V that is used instead, whichever kind of arrays is chosen.
     /// The SPIR-V must declare the buffers of the shader that it replaces; an unknown name is an error. For tests which
@@ -369,7 +369,13 @@ impl Context {
     /// Whether the device's texel buffers are large enough for large scenes, and every kernel can bind all of its own.
     #[doc(hidden)]
     pub fn has_texel_buffers(&self) -> bool {
-        self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS && self.texel_buffers() >= kernel::MOST_TEXEL_BUFFERS
+        self.limits.max_texel_buffer_elements >= TEXEL_ELEMENTS && self.binds_texel_buffers()
+    }
+
+    /// Whether every kernel can bind all of its texel buffers.
+    #[doc(hidden)]
+    pub fn binds_texel_buffers(&self) -> bool {
+        self.texel_buffers() >= kernel::MOST_TEXEL_BUFFERS
     }
 
     /// Greatest number of storage texel buffers that a kernel may bind.

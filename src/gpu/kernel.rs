@@ -302,8 +302,7 @@ impl Interface {
             if count > most as usize {
                 let device = context.device_name();
                 let what = format!("{device} allows {most} {kind} buffers per kernel, but kernel {name} has {count}");
-                let remedy =
-                    format!("choose another device with --device, or fewer such buffers with --arrays {other}");
+                let remedy = format!("choose another device with --device, or try --arrays {other}");
                 return Err(Error::NoDevice(format!("{what}; {remedy}")));
             }
         }

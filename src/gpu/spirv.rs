@@ -228,8 +228,8 @@ impl Module {
             (22, [id, bits, ..]) => drop(self.types.insert(*id, Type::Float { bytes: bits / 8 })),
             (23, [id, of, count]) => drop(self.types.insert(*id, Type::Vector { of: *of, count: *count })),
             (24, [id, _, columns]) => drop(self.types.insert(*id, Type::Matrix { columns: *columns })),
-            // Images with dimensionality 5 (buffer) without a sampler are storage texel buffers. All other images are left
-            // out here, so that a binding which uses one is reported as an error.
+            // Images with dimensionality 5 (buffer) that are used as storage images (2) are storage texel buffers. All
+            // other images are left out here, so that a binding which uses one is reported as an error.
             (25, [id, sampled, 5, _, _, _, 2, ..]) => {
                 drop(self.types.insert(*id, Type::BufferImage { sampled: *sampled }))
             }
@@ -267,6 +267,9 @@ impl Module {
             }
             _ => false,
         };
+        if matches!(kind, BindingKind::TexelFloat | BindingKind::TexelUint) && !marks.non_writable {
+            return Err(format!("{name} is an imageBuffer that may be written; declare it readonly"));
+        }
         let storage = kind == BindingKind::Storage;
         let reads = !storage || !(marks.non_readable || all(|m| m.non_readable));
         let writes = storage && !(marks.non_writable || all(|m| m.non_writable));

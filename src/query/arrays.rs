@@ -29,9 +29,10 @@ pub struct ArrayChoice {
 enum Why {
     /// The options ask for this kind.
     Asked,
-    /// The device has too few texel buffers or too small ones: a kernel may bind at most this number of them, and each
-    /// holds at most this number of elements.
-    Limit(u32, u32),
+    /// The device lets a kernel bind too few texel buffers; this is the greatest number.
+    Few(u32),
+    /// The device's texel buffers are too small; a texel buffer holds at most this number of elements.
+    Small(u32),
     /// The device lets a kernel bind too few storage buffers; this is the greatest number.
     Buffers(u32),
     /// The choice was made earlier in this context, for another kernel or another simulation.
@@ -48,8 +49,10 @@ impl ArrayChoice {
         let (_, limit) = context.array_limits();
         let why = if context.arrays_asked_for().is_some() {
             Why::Asked
+        } else if !context.binds_texel_buffers() {
+            Why::Few(context.texel_buffers())
         } else if !context.has_texel_buffers() {
-            Why::Limit(context.texel_buffers(), limit as u32)
+            Why::Small(limit as u32)
         } else if context.storage_buffers() < shaders::MOST_STORAGE_BUFFERS {
             context.choose_arrays(Arrays::Texel);
             Why::Buffers(context.storage_buffers())
@@ -73,9 +76,8 @@ impl fmt::Display for ArrayChoice {
         write!(f, "{} buffers: ", name(self.arrays))?;
         match self.why {
             Why::Asked => write!(f, "asked for"),
-            Why::Limit(count, elements) => {
-                write!(f, "a kernel may bind only {count} texel buffers of up to {elements} elements on the device")
-            }
+            Why::Few(count) => write!(f, "the device lets a kernel bind at most {count} texel buffers"),
+            Why::Small(elements) => write!(f, "the device's texel buffers hold only {elements} elements"),
             Why::Buffers(count) => write!(f, "the device lets a kernel bind at most {count} storage buffers"),
             Why::Before => write!(f, "as chosen before on this device"),
             Why::Unmeasured => write!(f, "not measured"),
@@ -90,7 +92,9 @@ impl fmt::Display for ArrayChoice {
 /// cache has no times for this device, this driver and this version of palpate.
 fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     let mut key = KeyMaker::new();
-    for field in ["arrays", context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")] {
+    for field in
+        ["storage texel buffers or storage buffers", context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")]
+    {
         key.add(field.as_bytes());
     }
     let key = key.finish();
@@ -171,13 +175,18 @@ mod tests {
             assert_eq!(chosen(options), (arrays, format!("{name} buffers: asked for")));
         }
         let options = Options { texel_elements: Some(65_536), cache: None, ..measured() };
-        let limited = chosen(options);
-        assert_eq!(limited.0, Arrays::Storage);
-        assert!(limited.1.contains(" of up to 65536 elements"), "choice by the limit: {limited:?}");
+        let binds = {
+            let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+            Context::open(&Options { device, ..Options::default() }).unwrap().binds_texel_buffers()
+        };
+        if binds {
+            let why = "storage buffers: the device's texel buffers hold only 65536 elements";
+            assert_eq!(chosen(options), (Arrays::Storage, why.into()));
+        }
         let plain = chosen(Options { cache: Some(cache.clone()), ..Options::default() });
-        assert!(plain.1.contains("not measured") || plain.1.contains("bind only"), "unmeasured choice: {plain:?}");
+        assert!(plain.1.contains("not measured") || plain.0 == Arrays::Storage, "unmeasured choice: {plain:?}");
         let first = chosen(measured());
-        assert!(first.1.contains("measured ") || first.1.contains("bind only"), "choice by measurement: {first:?}");
+        assert!(first.1.contains("measured ") || first.0 == Arrays::Storage, "choice by measurement: {first:?}");
         // Times differ from one measurement to the next, so equal times show that the second call read stored times.
         assert_eq!(chosen(measured()), first);
     }

@@ -89,7 +89,13 @@ fn kept_times(context: &Arc<Context>, cache: &Cache) -> Result<[f64; 2]> {
     }
     let mut key = KeyMaker::new();
     let arrays = format!("{:?}", context.arrays());
-    for field in ["depth path", &arrays, context.device_name(), context.driver(), env!("CARGO_PKG_VERSION")] {
+    for field in [
+        "depth path, storage texel buffers",
+        &arrays,
+        context.device_name(),
+        context.driver(),
+        env!("CARGO_PKG_VERSION"),
+    ] {
         key.add(field.as_bytes());
     }
     let key = key.finish();

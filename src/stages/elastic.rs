@@ -1,5 +1,5 @@
 //! Elastic stage, between the contact stage and the solver in a step: holds the state of the tetrahedral meshes
-//! (layers) of soft bodies, and computes the rotation of each tetrahedron, the element forces, and the shape function
+//! (layers) of soft bodies, and computes, of each tetrahedron that can deform, rotation, forces, and shape function
 //! gradients, rotated into world axes, from which the solver computes the elements' part of its matrix-vector products.
 //! A frame is a rigid coordinate frame in which displacements of nodes are measured; a link is the relative placement
 //! of two frames.

@@ -118,16 +118,13 @@ impl Model {
             self.tetrahedra.push(nodes.map(|n| n + node_first as u32));
             self.tetrahedron_links.push(links);
             self.rest_gradients.push(texel(gradients.x_axis, volume.sqrt()));
-            let (material, index) = (materials.of(t), (material_first + materials.index(t)) as u32);
+            let material = materials.of(t);
             self.rest_gradients.extend([gradients.y_axis, gradients.z_axis].map(|g| texel(g, 0.0)));
-            self.element_info.push([index, frame]);
-            if !rigid(t) || !layer.patches.is_empty() {
-                self.deforming.push([(tetrahedron_first + t) as u32, index, frame, 0]);
-            }
+            self.element_info.push([(material_first + materials.index(t)) as u32, frame]);
             for (corner, n) in nodes.iter().enumerate() {
                 mass[*n as usize] += 0.25 * material.density * volume;
                 damping[*n as usize] += 0.25 * material.damping_mass * material.density * volume;
-                // The nodes of a core get no force from a tetrahedron within it.
+                // The nodes of a dynamic core get no force from a tetrahedron within it.
                 if !(rigid(t) && carries[*n as usize].is_some()) {
                     entries[*n as usize].push((4 * (tetrahedron_first + t) + corner) as u32);
                 }
@@ -139,6 +136,13 @@ impl Model {
             [material.lambda, material.damping].map(f64::from)
         };
         self.patches.add(layer, node_first, moduli, rigid);
+        for t in 0..layer.tetrahedra.len() {
+            let own = tetrahedron_first + t;
+            if !rigid(t) || self.patches.of[own] != NONE {
+                let [material, frame] = self.element_info[own];
+                self.deforming.push([own as u32, material, frame, 0]);
+            }
+        }
         for (node, [patch, place]) in self.patches.entries(patch_first) {
             entries[node as usize - node_first].push(OF_PATCH | (MOST_NODES as u32 * patch + place));
         }

@@ -169,8 +169,8 @@ pub struct Model {
     pub rest_gradients: Vec<[f32; 4]>,
     /// Per tetrahedron: its material and frame.
     pub element_info: Vec<[u32; 2]>,
-    /// For each tetrahedron that can deform: its index, material and frame, and a zero. The others lie within one rigid
-    /// core, and in no F-bar patch.
+    /// For each tetrahedron that can deform, or shares an F-bar patch with one that can: its index, material and frame,
+    /// and a zero. The others lie within one rigid core. Where none can deform, all are listed.
     pub deforming: Vec<[u32; 4]>,
 
     /// F-bar patches, which are groups of tetrahedra that share one volumetric strain.
@@ -284,6 +284,10 @@ impl Model {
         // The kernels read both arrays four elements at a time.
         model.chunk_vertices.resize(model.chunk_vertices.len().next_multiple_of(4), 0);
         model.chunk_triangles.resize(model.chunk_triangles.len().next_multiple_of(4), 0);
+        if model.deforming.is_empty() {
+            let info = model.element_info.iter().zip(0..);
+            model.deforming = info.map(|([material, frame], t)| [t, *material, *frame, 0]).collect();
+        }
         // The gradients, all zero, of an additional tetrahedron, to which the padding of lists of tetrahedra points.
         model.rest_gradients.extend([[0.0; 4]; 3]);
         (model, proxy_ranges)

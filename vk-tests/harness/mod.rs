@@ -205,7 +205,7 @@ impl Case {
         turn();
         let (_, most) = context().array_limits();
         let is_large = self.given.iter().any(|given| given.words.len().div_ceil(4) as u64 > most);
-        if is_large || !context().has_texel_buffers() {
+        if is_large || !self.binds_texel_buffers() {
             let after = self.run_with(Arrays::Storage);
             return Outcome { kernel: self.kernel, given: self.given, after };
         }
@@ -225,6 +225,13 @@ impl Case {
             }
         }
         Outcome { kernel: self.kernel, given: self.given, after }
+    }
+
+    /// Whether the device lets the kernel bind all of its texel buffers.
+    fn binds_texel_buffers(&self) -> bool {
+        let constants: Vec<_> = self.constants.iter().map(|(name, value)| (name.as_str(), *value)).collect();
+        context().binds_texel_buffers()
+            || Kernel::with_arrays(context(), &self.kernel, self.size, &constants, Arrays::Texel).is_ok()
     }
 
     /// The contents of all arrays after a run with one kind of buffers.

@@ -5,15 +5,15 @@ use glam::{DMat3, DQuat, DVec3};
 use palpate::Flags;
 use palpate::internal::gpu::Const;
 use palpate::internal::prepare::{Layer, Materials};
-use palpate::internal::shaders::{Counts, GRADIENT_TEXELS};
+use palpate::internal::shaders::{Counts, GRADIENT_TEXELS, NODE_FREE};
 use palpate::internal::stages::material_law::{has, laws_of};
 use palpate::scene::MaterialLaw;
 use palpate_oracle::compression::Penalty;
 use palpate_oracle::elastic::{lame, outer, polar_rotation, strain};
 
 use crate::harness::random::Random;
-use crate::harness::{Outcome, Tolerance, case, context, expect_close};
-use crate::solver::system::{DT, System, layered, material};
+use crate::harness::{CANARY, Outcome, Tolerance, case, context, expect_close};
+use crate::solver::system::{DT, System, layered, material, two_layers};
 
 /// Error of a rotation, rad. The deformation gradient F is known to 1e-7 in f32, the polar rotation magnifies this
 /// error by one over the sum of the two least singular values (above 0.2 here), and the iteration ends within 1e-7 of
@@ -47,12 +47,21 @@ const TINY_STRAIN: f64 = 5.0e-6;
 /// Runs elastic/element_forces over a whole system. `patch_of` has the F-bar patch of each tetrahedron (the group with
 /// which it shares its volumetric strain) or `NONE`, and is empty without patches.
 pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
-    let tetrahedra = system.model.tetrahedra.len();
     // The kernel works on all tetrahedra here, also on those that a step leaves out, since they cannot deform.
-    let info = &system.model.element_info;
-    let deforming: Vec<_> = info.iter().zip(0..).map(|([material, frame], t)| [t, *material, *frame, 0]).collect();
+    let all: Vec<_> = (0..system.model.tetrahedra.len()).collect();
+    rotate_some(system, patch_of, &all)
+}
+
+/// As [`rotate`], for some of the tetrahedra.
+fn rotate_some(system: &System, patch_of: &[u32], some: &[usize]) -> Outcome {
+    let tetrahedra = system.model.tetrahedra.len();
+    let listed = |t: &usize| {
+        let [material, frame] = system.model.element_info[*t];
+        [*t as u32, material, frame, 0]
+    };
+    let deforming: Vec<[u32; 4]> = some.iter().map(listed).collect();
     case("elastic/element_forces")
-        .constant("ELEMENTS", tetrahedra as u32)
+        .constant("ELEMENTS", some.len() as u32)
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
         .constant("LAWS", laws_of(&system.model.materials))
@@ -71,10 +80,10 @@ pub fn rotate(system: &System, patch_of: &[u32]) -> Outcome {
         .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
         .input("trial_change", system.trial())
         .inout("rotations", &system.rotations)
-        .output::<[f32; 4]>("gradients", GRADIENT_TEXELS as usize * tetrahedra)
+        .partial("gradients", &unwritten(GRADIENT_TEXELS as usize * tetrahedra))
         .inout("counts", &[system.counts])
-        .output::<[f32; 4]>("element_forces", 4 * tetrahedra)
-        .elements(tetrahedra)
+        .partial("element_forces", &unwritten(4 * tetrahedra))
+        .elements(some.len())
         .run()
 }
 
@@ -242,6 +251,44 @@ fn rotations_and_forces_agree_with_the_oracle_at_every_size() {
         system.rotate();
         expect_oracle(&format!("{count} tetrahedra, linearised at a trial change of velocity"), &system, FORCE);
     }
+}
+
+#[test]
+fn tetrahedra_that_are_not_listed_stay_as_they_are() {
+    // Every third tetrahedron is left out, and the others are listed in reverse order.
+    let system = deformed(100, 17, |random| stretched(DQuat::IDENTITY, 0.8, random));
+    let some: Vec<usize> = (0..100).rev().filter(|t| t % 3 != 1).collect();
+    let (whole, part) = (rotate(&system, &[]), rotate_some(&system, &[], &some));
+    let mut kept = 0;
+    for (name, width, before) in [
+        ("rotations", 1, bits(&system.rotations)),
+        ("gradients", GRADIENT_TEXELS as usize, bits(&unwritten(100 * GRADIENT_TEXELS as usize))),
+        ("element_forces", 4, bits(&unwritten(400))),
+    ] {
+        let (whole, part) = (bits(&whole.get::<[f32; 4]>(name)), bits(&part.get::<[f32; 4]>(name)));
+        for t in 0..100 {
+            let own = 4 * width * t..4 * width * (t + 1);
+            let want = if t % 3 == 1 { &before } else { &whole };
+            assert_eq!(part[own.clone()], want[own.clone()], "{name} of tetrahedron {t}");
+            kept += usize::from(whole[own.clone()] != before[own]);
+        }
+    }
+    assert_eq!(kept, 300, "every tetrahedron changes its numbers where it is listed");
+    let layers = System::new(&two_layers(), 0.004, 1);
+    let rigid = |t: &[u32; 4]| t.iter().all(|node| layers.model.node_info[*node as usize][3] != NODE_FREE);
+    let listed: Vec<usize> = layers.model.deforming.iter().map(|element| element[0] as usize).collect();
+    let want: Vec<usize> =
+        (0..layers.model.tetrahedra.len()).filter(|t| !rigid(&layers.model.tetrahedra[*t])).collect();
+    assert_eq!(listed, want, "the model lists the tetrahedra that have a free node");
+    assert!(want.len() < layers.model.tetrahedra.len(), "some tetrahedra lie within the core");
+}
+
+fn unwritten(count: usize) -> Vec<[f32; 4]> {
+    vec![[f32::from_bits(CANARY); 4]; count]
+}
+
+fn bits(texels: &[[f32; 4]]) -> Vec<u32> {
+    texels.iter().flatten().map(|x| x.to_bits()).collect()
 }
 
 #[test]
