@@ -7,7 +7,6 @@
 #include "shared/finite.glsl"
 #include "shared/rounding.glsl"
 #include "shared/contact_law.glsl"
-#include "shared/rows.glsl"
 
 // Solve: right-hand side b and preconditioner of the linear system A x = b, whose unknowns x are changes of velocity,
 // at the nodes. One workgroup runs for each block of nodes: neighbouring free nodes, or nodes attached to one dynamic
@@ -23,9 +22,7 @@
 //   elastic/element_forces and elastic/mean_dilatation write, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
 //   residual b - A x of the last solve. Were this residual not carried over, its impulse would be lost in every step,
 //   always in the same smooth motions: iterations after a warm start reduce the residual of smooth motions last.
-// - for each free node, the inverse of its 3x3 diagonal block D of A: (1 + h alpha) m I, plus its contacts' part, plus
-//   the sum of its elements' blocks or, where the operator is assembled, minus the sum of its row (the blocks of a row
-//   sum to zero, shared/rows.glsl). And, where there are a coarse space and contacts,
+// - for each free node, the inverse of its 3x3 diagonal block D of A, and, where there are a coarse space and contacts,
 //   the block E, which is D without the contacts' part; for each attached node, its diagonal block itself, from which
 //   solve/cores computes the diagonal block of the core.
 // - for each block of nodes, b . D^-1 b, with D the nodes' diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
@@ -42,14 +39,12 @@ layout(constant_id = 4) const bool PATCHES = false;
 layout(constant_id = 5) const uint TETRAHEDRA = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const bool JOINTS = false;
-layout(constant_id = 11) const bool ASSEMBLED = false;      // whether the operator is kept as a matrix
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
-READ_ONLY(uvec4, block_rows);      // as block_nodes, with a node's row in place of its list of elements
 READ_ONLY(vec4, block_places);     // xyz: middle of a block in its frame, m; w: 1 / the block's size, 1/m
 READ_ONLY(vec4, block_moments);    // inverse of sum x x^T over a block, see rotation_of: xx yy zz, xy xz yz
 READ_ONLY(uvec4, coarse_blocks);
@@ -59,7 +54,6 @@ READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_elements);
 READ_ONLY(vec4, element_forces);
 READ_ONLY(vec4, gradients);
-READ_ONLY(vec4, stiffness_blocks);
 READ_ONLY(vec4, patch_rows);
 layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
 layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
@@ -120,37 +114,6 @@ void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c
     }
 }
 
-// Adds the part of a tetrahedron or of an F-bar patch to a node's diagonal block, whose diagonal is `a` and whose
-// off-diagonal (xy xz yz) is `c`. `entry`: index of their force on the node in `element_forces`.
-void add_element(uint entry, inout vec3 a, inout vec3 c) {
-    if (PATCHES && entry >= 4 * (TETRAHEDRA + 1)) {
-        vec3 row = fetch(patch_rows, entry - 4 * (TETRAHEDRA + 1)).xyz;
-        a += row * row;
-        c += row.xxy * row.yzz;
-        return;
-    }
-    uint first = GRADIENT_TEXELS * (entry / 4);
-    vec4 g1 = fetch(gradients, first), g2 = fetch(gradients, first + 1);
-    vec3 g3 = fetch(gradients, first + 2).xyz;
-    uint corner = entry % 4;
-    vec3 g = corner == 0 ? -g1.xyz - g2.xyz - g3 : (corner == 1 ? g1.xyz : (corner == 2 ? g2.xyz : g3));
-    a += g1.w * dot(g, g) + (g1.w + g2.w) * g * g;
-    c += (g1.w + g2.w) * g.xxy * g.yzz;
-    add_geometric_block(g, fetch(gradients, first + 3).xyz, fetch(gradients, first + 4).xyz, a, c);
-}
-
-// Adds the elements' part of a node's diagonal block from the node's row of the assembled operator: the blocks of a row
-// sum to zero.
-void add_row(uvec4 row, inout vec3 a, inout vec3 c) {
-    for (uint k = 0; k < row.z; k++) {
-        vec3 x = fetch(stiffness_blocks, row_texel(row.y, k, 0)).xyz;
-        vec3 y = fetch(stiffness_blocks, row_texel(row.y, k, 1)).xyz;
-        vec3 z = fetch(stiffness_blocks, row_texel(row.y, k, 2)).xyz;
-        a -= vec3(x.x, y.y, z.z);
-        c -= 0.5 * vec3(x.y + y.x, x.z + z.x, y.z + z.y);
-    }
-}
-
 // Rotation of a block in its frame: the polar part of I + sum d x^T (sum x x^T)^-1 / size, with displacements d of its
 // nodes and their rest positions x from the block's middle, divided by the block's size. `sums` is sum d x^T; the
 // iteration that finds the polar part starts from the block's previous rotation.
@@ -185,10 +148,22 @@ void main() {
                 vec3 f = fetch(element_forces, entry).xyz;
                 b += f;
                 e += abs(f);
-                if (!ASSEMBLED) add_element(entry, a, c);
+                if (PATCHES && entry >= 4 * (TETRAHEDRA + 1)) {
+                    vec3 row = fetch(patch_rows, entry - 4 * (TETRAHEDRA + 1)).xyz;
+                    a += row * row;
+                    c += row.xxy * row.yzz;
+                    continue;
+                }
+                uint first = GRADIENT_TEXELS * (entry / 4);
+                vec4 g1 = fetch(gradients, first), g2 = fetch(gradients, first + 1);
+                vec3 g3 = fetch(gradients, first + 2).xyz;
+                uint corner = entry % 4;
+                vec3 g = corner == 0 ? -g1.xyz - g2.xyz - g3 : (corner == 1 ? g1.xyz : (corner == 2 ? g2.xyz : g3));
+                a += g1.w * dot(g, g) + (g1.w + g2.w) * g * g;
+                c += (g1.w + g2.w) * g.xxy * g.yzz;
+                add_geometric_block(g, fetch(gradients, first + 3).xyz, fetch(gradients, first + 4).xyz, a, c);
             }
         }
-        if (ASSEMBLED) add_row(fetch(block_rows, block.first + at), a, c);
         vec3 without_contacts = a, without_contacts_off = c;
         if (CONTACT) add_contacts(node.x, b, e, a, c);
         rhs[i] = vec4(b, 0.0);

@@ -183,8 +183,7 @@ impl Assembled {
             edge_count,
             edges: upload_or_nothing(context, "edges", &edges.edges)?,
             edge_elements: upload_or_nothing(context, "edge_elements", &edges.elements)?,
-            block_nodes: upload_or_nothing(context, "block_nodes", &edges.block_nodes)?
-                .known_as(&["block_nodes", "block_rows"]),
+            block_nodes: upload_or_nothing(context, "block_nodes", &edges.block_nodes)?,
             nodes: edges.block_nodes,
             blocks: upload_or_nothing(context, "stiffness_blocks", &edges.blocks)?,
         })
@@ -265,16 +264,7 @@ impl Solve {
         Ok(Solve {
             assemble: reduce(
                 "solve/assemble",
-                &[
-                    contact,
-                    friction,
-                    coarse,
-                    joints,
-                    held,
-                    is_assembled,
-                    tetrahedra_c,
-                    ("PATCHES", (patch_count > 0).into()),
-                ],
+                &[contact, friction, coarse, joints, held, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
             )?,
             operator,
             contact_product: Kernel::new(context, "solve/contact_product", Size::Group, &[friction, tool, rigids])?,

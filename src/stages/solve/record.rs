@@ -80,7 +80,7 @@ impl Solve {
 
     /// Records right-hand side and preconditioner.
     fn record_assemble(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
-        let (touch, assembled) = (self.touch.as_ref(), self.assembled());
+        let touch = self.touch.as_ref();
         recorder.dispatch_groups(
             &self.assemble,
             &shaders::solve::Assemble {
@@ -88,7 +88,6 @@ impl Solve {
                 frames: &common.frames,
                 blocks: &self.blocks,
                 block_nodes: &self.block_nodes,
-                block_rows: assembled.map(|assembled| &assembled.block_nodes),
                 block_places: &self.block_places,
                 block_moments: Some(&self.block_moments),
                 coarse_blocks: &self.coarse_blocks,
@@ -97,8 +96,7 @@ impl Solve {
                 displacement: Some(&elastic.displacement),
                 node_elements: &elastic.node_elements,
                 element_forces: &elastic.element_forces,
-                gradients: Some(&elastic.gradients),
-                stiffness_blocks: assembled.map(|assembled| &assembled.blocks),
+                gradients: &elastic.gradients,
                 patch_rows: elastic.mean_dilatation.as_ref().map(|mean_dilatation| &mean_dilatation.rows),
                 node_entries: touch.map(|touch| &touch.node_entries),
                 sorted: touch.map(|touch| &touch.sorted),

@@ -29,22 +29,16 @@ impl Passes {
         self.blocks() + usize::from(self.tool)
     }
 
-    /// Runs solve/stiffness_blocks, where the operator is assembled, and solve/assemble.
     pub fn assemble(&mut self) {
-        if self.assembled {
-            self.assemble_operator();
-        }
         let (s, nodes, blocks) = (&self.system, self.nodes(), self.blocks());
         let outcome = self
             .reduce("solve/assemble")
             .constant("CONTACT", self.contact)
             .constant("FRICTION", self.friction)
-            .constant("ASSEMBLED", self.assembled)
             .input("params", &[s.params])
             .input("frames", &s.frames)
             .input("blocks", &s.model.blocks.blocks)
             .input("block_nodes", &s.model.blocks.nodes)
-            .input("block_rows", &self.edges.block_nodes)
             .input("block_places", &s.model.blocks.places)
             .input("block_moments", &s.model.blocks.moments)
             .input("coarse_blocks", &s.model.coarse.blocks)
@@ -54,7 +48,6 @@ impl Passes {
             .input("node_elements", &s.node_elements)
             .input("element_forces", &s.element_forces)
             .input("gradients", &s.gradients)
-            .input("stiffness_blocks", &self.edges.blocks)
             // The kernel does not read this array, since no tetrahedra here share their volumetric strain (F-bar
             // patches).
             .input("patch_rows", &s.gradients)
