@@ -162,7 +162,7 @@ impl Context {
         let _guard = loader::changes_devices();
         let entry = if FAULTS.concerns_this_thread() { faults::faulty(load()?) } else { load()? };
         let messages = Box::new(Messages::heard_by(options.log.clone()));
-        let (instance, debug) = create_instance(&entry, options, &messages)?;
+        let NewInstance { instance, debug, layer } = create_instance(&entry, options, &messages)?;
         let chosen = device::candidates(&instance).and_then(|all| device::choose(all, options.device.as_deref()));
         let chosen = match chosen {
             Ok(chosen) => chosen,
@@ -182,7 +182,7 @@ impl Context {
         };
         // SAFETY: the device was created with queue 0 of this queue family.
         let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
-        let labels = Labels(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)));
+        let labels = Labels::new(debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device)), layer);
         let mut opened = Opened { entry, instance, device, queue, labels, messenger: None, messages, host: None };
         if options.validation && debug {
             let utils = ash::ext::debug_utils::Instance::new(&opened.entry, &opened.instance);
@@ -217,7 +217,7 @@ impl Context {
         // SAFETY: the caller guarantees that the handles are valid, see above.
         let device = unsafe { ash::Device::load(instance.fp_v1_0(), vk::Device::from_raw(host.device)) };
         let queue = vk::Queue::from_raw(host.queue);
-        let (labels, messages) = (Labels(None), Box::new(Messages::default()));
+        let (labels, messages) = (Labels::new(None, None), Box::new(Messages::default()));
         let host = Some(host);
         Self::of(Opened { entry, instance, device, queue, labels, messenger: None, messages, host }, chosen, options)
     }
@@ -288,7 +288,7 @@ impl Context {
     pub fn list() -> Result<Vec<DeviceInfo>> {
         let _guard = loader::changes_devices();
         let entry = load()?;
-        let (instance, _) = create_instance(&entry, &Options::default(), &Messages::default())?;
+        let NewInstance { instance, .. } = create_instance(&entry, &Options::default(), &Messages::default())?;
         let list = device::candidates(&instance).map(|all| all.into_iter().map(|c| c.info).collect());
         // SAFETY: nothing made from the instance is left.
         unsafe { instance.destroy_instance(None) };
@@ -565,15 +565,23 @@ pub(super) fn load() -> Result<ash::Entry> {
         .map_err(|e| Error::NoDevice(format!("the Vulkan loader cannot be loaded ({e}). {}", device::REMEDY)))
 }
 
-/// Creates the instance. Also returns whether it has the debug utilities extension.
-fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -> Result<(ash::Instance, bool)> {
+struct NewInstance {
+    instance: ash::Instance,
+    /// Whether the instance has the extension VK_EXT_debug_utils.
+    debug: bool,
+    /// Version of the validation layer, if that is in use.
+    layer: Option<u32>,
+}
+
+fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -> Result<NewInstance> {
     let validation = options.validation;
     // SAFETY (for this and the next call): these are plain queries of a loaded entry.
     let layers = if validation { unsafe { entry.enumerate_instance_layer_properties() } } else { Ok(Vec::new()) }
         .map_err(failed("vkEnumerateInstanceLayerProperties", "set-up"))?;
     let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
         .map_err(failed("vkEnumerateInstanceExtensionProperties", "set-up"))?;
-    if validation && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+    let layer = layers.iter().find(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)).map(|l| l.spec_version);
+    if validation && layer.is_none() {
         return Err(Error::NoDevice(
             "validation was asked for, but VK_LAYER_KHRONOS_validation is missing; on Debian or Ubuntu run ./setup.sh, \
              or: apt-get install vulkan-validationlayers"
@@ -650,7 +658,7 @@ fn create_instance(entry: &ash::Entry, options: &Options, messages: &Messages) -
     }
     // SAFETY: every pointer in `info` lives through the call; `messages` outlives the instance where validation is on.
     match unsafe { entry.create_instance(&info, None) } {
-        Ok(instance) => Ok((instance, debug)),
+        Ok(instance) => Ok(NewInstance { instance, debug, layer }),
         Err(result) => Err(match failed("vkCreateInstance", "set-up")(result) {
             Error::Memory(why) => Error::Memory(why),
             _ => Error::NoDevice(format!("Vulkan does not start (vkCreateInstance: {result}). {}", device::REMEDY)),

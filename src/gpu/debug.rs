@@ -67,13 +67,33 @@ unsafe extern "system" fn callback(
     vk::FALSE
 }
 
-/// Names objects and labels commands of one device; does nothing where the device lacks VK_EXT_debug_utils (`None`).
-pub(super) struct Labels(pub Option<ash::ext::debug_utils::Device>);
+/// The first version of the validation layer that locks its list of command buffers' labels where it forgets a command
+/// buffer (Vulkan-ValidationLayers, commit 2a430d9). Older ones, such as Debian 12's 1.3.239, forget it on a thread of
+/// their own after it has run; if another command buffer got a label at that moment, the process ended, with a message
+/// of the heap or about an exception of C++.
+const LOCKS_LABELS: u32 = vk::make_api_version(0, 1, 3, 242);
+
+/// Names objects and labels commands of one device.
+pub(super) struct Labels {
+    /// `None` where the device lacks VK_EXT_debug_utils: then nothing is named or labelled.
+    utils: Option<ash::ext::debug_utils::Device>,
+    labels_commands: bool,
+}
 
 impl Labels {
+    /// Labels for a device. `layer`: version of the validation layer that is in use, if one is.
+    pub fn new(utils: Option<ash::ext::debug_utils::Device>, layer: Option<u32>) -> Labels {
+        Labels { utils, labels_commands: layer.is_none_or(|version| version >= LOCKS_LABELS) }
+    }
+
+    /// Functions that label commands, unless that is unsafe.
+    fn of_commands(&self) -> Option<&ash::ext::debug_utils::Device> {
+        self.utils.as_ref().filter(|_| self.labels_commands)
+    }
+
     /// Gives an object the name that validation messages and captures of a run show.
     pub fn name<H: Handle>(&self, handle: H, name: &str) {
-        let (Some(utils), Ok(name)) = (&self.0, CString::new(name)) else { return };
+        let (Some(utils), Ok(name)) = (&self.utils, CString::new(name)) else { return };
         let _guard = loader::reads_devices();
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(&name);
         // SAFETY: the handle belongs to this live device; the info lives through the call. A name only helps debugging,
@@ -83,7 +103,7 @@ impl Labels {
 
     /// Opens a label in a command buffer that is being recorded.
     pub fn begin(&self, commands: vk::CommandBuffer, name: &str) {
-        let (Some(utils), Ok(name)) = (&self.0, CString::new(name)) else { return };
+        let (Some(utils), Ok(name)) = (self.of_commands(), CString::new(name)) else { return };
         // SAFETY: the command buffer is in recording state, and only this thread records it.
         unsafe {
             utils.cmd_begin_debug_utils_label(commands, &vk::DebugUtilsLabelEXT::default().label_name(&name));
@@ -92,9 +112,22 @@ impl Labels {
 
     /// Closes the label that was opened last in this command buffer.
     pub fn end(&self, commands: vk::CommandBuffer) {
-        if let Some(utils) = &self.0 {
+        if let Some(utils) = self.of_commands() {
             // SAFETY: the command buffer is in recording state; `begin` opened a label before each call of `end`.
             unsafe { utils.cmd_end_debug_utils_label(commands) };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_get_no_labels_with_a_layer_that_does_not_lock_them() {
+        let labels = |layer| Labels::new(None, layer).labels_commands;
+        assert!(!labels(Some(vk::make_api_version(0, 1, 3, 239))));
+        assert!(labels(Some(vk::make_api_version(0, 1, 3, 242))) && labels(Some(vk::make_api_version(0, 1, 4, 309))));
+        assert!(labels(None));
     }
 }
