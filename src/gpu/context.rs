@@ -565,6 +565,7 @@ pub(super) fn load() -> Result<ash::Entry> {
         .map_err(|e| Error::NoDevice(format!("the Vulkan loader cannot be loaded ({e}). {}", device::REMEDY)))
 }
 
+/// What [`create_instance`] made.
 struct NewInstance {
     instance: ash::Instance,
     /// Whether the instance has the extension VK_EXT_debug_utils.

@@ -77,6 +77,7 @@ const LOCKS_LABELS: u32 = vk::make_api_version(0, 1, 3, 242);
 pub(super) struct Labels {
     /// `None` where the device lacks VK_EXT_debug_utils: then nothing is named or labelled.
     utils: Option<ash::ext::debug_utils::Device>,
+    /// Whether commands are labelled; not with a layer older than [`LOCKS_LABELS`].
     labels_commands: bool,
 }
 
@@ -86,7 +87,7 @@ impl Labels {
         Labels { utils, labels_commands: layer.is_none_or(|version| version >= LOCKS_LABELS) }
     }
 
-    /// Functions that label commands, unless that is unsafe.
+    /// The functions that label commands, where commands are labelled.
     fn of_commands(&self) -> Option<&ash::ext::debug_utils::Device> {
         self.utils.as_ref().filter(|_| self.labels_commands)
     }
@@ -126,7 +127,7 @@ mod tests {
     #[test]
     fn commands_get_no_labels_with_a_layer_that_does_not_lock_them() {
         let labels = |layer| Labels::new(None, layer).labels_commands;
-        assert!(!labels(Some(vk::make_api_version(0, 1, 3, 239))));
+        assert!(!labels(Some(vk::make_api_version(0, 1, 3, 239))) && !labels(Some(vk::make_api_version(0, 1, 3, 241))));
         assert!(labels(Some(vk::make_api_version(0, 1, 3, 242))) && labels(Some(vk::make_api_version(0, 1, 4, 309))));
         assert!(labels(None));
     }
