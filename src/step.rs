@@ -209,7 +209,8 @@ impl Simulation {
         self.is_solved = !Flags(report.flags).contains(Flags::FROZEN);
         let device = self.trajectory.device(time, h);
         let probes = self.read_probes()?;
-        self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report));
+        let friction = self.scene.contact.friction;
+        self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report, friction));
         self.add_gap(&report)?;
         Ok(self.row(&report, time, &device, probes, begun))
     }

@@ -324,6 +324,7 @@ struct Report {
     float force[3];             // net force of the contacts on the tool, N
     float torque[3];            // net torque of the contacts on the tool, about its centre, N m
     float pressing;             // sum of the magnitudes of the contacts' normal forces on the tool, N
+    float friction[3];          // friction of the contacts on the tool, a part of `force`, N
     float tool_change[6];       // change of the tool's twist over the step, m/s and rad/s
     float stiffness[21];        // contact stiffness that the tool feels, upper triangle of the 6x6 matrix by rows
     float damping[21];          // contact damping that the tool feels, laid out like the stiffness

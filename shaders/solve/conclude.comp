@@ -161,7 +161,7 @@ void main() {
             verdict = VERDICT_FAILED;
             solve.solution_dt = 0.0;
             // A failed step applies no force to the tool.
-            for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = 0.0;
+            for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = report.friction[k] = 0.0;
             report.pressing = 0.0;
         }
         if (!failed && params.newton > 1 && !is_check) {

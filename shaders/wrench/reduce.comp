@@ -7,13 +7,13 @@
 
 // Wrench: computes the net contact force on the tool (rigid body that the haptic device leads), and the net torque
 // about its centre. The force of a contact consists of the normal force a max(0, k delta + d delta') and friction, both
-// at the end of the step, as the solver applied them. For a haptic loop the kernel also computes the contact stiffness
-// and damping that the tool feels, sum a k J^T n n^T J and sum J^T (a d n n^T + c (I - n n^T)) J over contacts, with J
-// a contact's Jacobian with respect to the tool's twist; the compliance of the bodies is left out. Symbols of a contact
-// are as in shared/contact_law.glsl: area a (m^2), stiffness k (N/m^3), damping d (N s/m^3), depth delta (m), its rate
-// delta' (m/s), and friction coefficient c (N s/m: friction is -c times the sliding velocity); n is the unit normal.
-// Without a haptic loop the stiffness and damping are zero. There is one workgroup. The f64 reference implementation is
-// oracle::wrench.
+// at the end of the step, as the solver applied them; friction is reported by itself as well. For a haptic loop the
+// kernel also computes the contact stiffness and damping that the tool feels, sum a k J^T n n^T J and
+// sum J^T (a d n n^T + c (I - n n^T)) J over contacts, with J a contact's Jacobian with respect to the tool's twist; the
+// compliance of the bodies is left out. Symbols of a contact are as in shared/contact_law.glsl: area a (m^2), stiffness
+// k (N/m^3), damping d (N s/m^3), depth delta (m), its rate delta' (m/s), and friction coefficient c (N s/m: friction is
+// -c times the sliding velocity); n is the unit normal. Without a haptic loop the stiffness and damping are zero. There
+// is one workgroup. The f64 reference implementation is oracle::wrench.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -32,8 +32,8 @@ layout(scalar) writeonly buffer ReportOut { Report report; };
 void main() {
     uint lane = gl_LocalInvocationID.x;
     bool wants_stiffness = params.wants_stiffness != 0;
-    // `sums` holds the force, the torque, the upper triangles of stiffness and damping, and the sum of the normal
-    // forces' magnitudes; the rest is padding.
+    // `sums` holds the force, the torque, the upper triangles of stiffness and damping, the sum of the normal forces'
+    // magnitudes, and the friction.
     float sums[52];
     for (int k = 0; k < 52; k++) sums[k] = 0.0;
     for (uint c = lane; c < counts.contacts; c += SIZE) {
@@ -60,6 +60,7 @@ void main() {
         for (int t = 0; t < 2; t++) {
             tool_column(contact, along[t], column);
             for (int k = 0; k < 6; k++) sums[k] -= dot(drag, along[t]) * column[k];
+            for (int k = 0; k < 3; k++) sums[49 + k] -= dot(drag, along[t]) * column[k];
             at = 27;
             for (int i = 0; i < (wants_stiffness ? 6 : 0); i++) {
                 for (int k = i; k < 6; k++) sums[at++] += contact.friction * column[i] * column[k];
@@ -75,6 +76,7 @@ void main() {
     for (int k = 0; k < 3; k++) {
         report.force[k] = sums[k];
         report.torque[k] = sums[3 + k];
+        report.friction[k] = sums[49 + k];
     }
     report.pressing = sums[48];
     for (int k = 0; k < 21; k++) {

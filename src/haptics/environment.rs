@@ -73,7 +73,7 @@ impl Environment for Wall {
             (wrench.stiffness[1][1], wrench.damping[1][1]) = (self.stiffness, self.damping);
         } else if self.tells_gap {
             let distance = tool.centre.y.max(0.0);
-            wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.stiffness });
+            wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.stiffness, compliance: 0.0, pair: 0 });
         }
         Ok(wrench)
     }
@@ -180,7 +180,8 @@ impl Environment for Cushion {
             wrench.stiffness[1][1] = self.penalty;
         } else if self.tells_gap {
             let distance = self.tool.centre.y - self.surface[0];
-            wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.penalty });
+            let compliance = 0.5 / self.stiffness;
+            wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.penalty, compliance, pair: 0 });
         }
         Ok(wrench)
     }

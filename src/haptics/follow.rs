@@ -8,6 +8,7 @@
 
 use glam::DVec3;
 
+use super::compliance::Compliance;
 use super::local_model::{Evaluation, LocalModel, Tangent, along};
 use super::passivity::Passivity;
 use crate::step::{ContactWrench, RigidState, Wrench};
@@ -15,9 +16,11 @@ use crate::step::{ContactWrench, RigidState, Wrench};
 /// Power that a kinematic body (one whose motion is prescribed) may supply to the hand, W.
 const KINEMATIC_POWER: f64 = 0.1;
 
-/// Number of wrenches at the beginning of a contact that may understate the contact's stiffness, because the contact is
-/// still shallow.
-const SHALLOW: u32 = 3;
+/// The energy of a local model counts as paid although the hand gave less by this share of it, and by this much more in
+/// J: the model counts the body's damping as elasticity, and what damping took the hand does not get back. If it does
+/// get it, the passivity controller acts where the force is played.
+const LOST_SHARE: f64 = 0.1;
+const LOST: f64 = 4e-5;
 
 /// How local models are made and blended.
 #[derive(Debug, Clone, Copy)]
@@ -47,11 +50,10 @@ pub struct Followed {
     /// Time over which `to` is blended in, s.
     interval: f64,
     newest: ContactWrench,
-    /// Number of successive wrenches with contact, up to the newest.
-    touches: u32,
-    /// Contact stiffness at the end of the last known gap, N/m; 0 if no gap was known.
-    wall: f64,
-    /// Position of the tool in the last wrench without contact, m: the start of its way into the contact.
+    /// Compliance of the touched body.
+    compliance: Compliance,
+    /// Position of the tool at which its way into the contact starts, m: in the last wrench without contact, or at the
+    /// end of the gap which that reported.
     entered: DVec3,
     /// Bound on all loans of this contact, J: the greatest product so far of the contact force and the tool's way from
     /// `entered` against that force.
@@ -75,8 +77,7 @@ impl Followed {
             share: 1.0,
             interval: 0.0,
             newest,
-            touches: 0,
-            wall: 0.0,
+            compliance: Compliance::default(),
             entered: tool.position,
             most_lent: 0.0,
             taken: 0.0,
@@ -98,19 +99,10 @@ impl Followed {
     /// Takes a new, finite wrench at `time` (s), when the tool is in this state. `lent` is the energy on loan, J.
     pub fn take(&mut self, wrench: &ContactWrench, time: f64, tool: &RigidState, lent: f64) {
         let Rules { local_model, arm, trust, longest } = self.rules;
-        if wrench.wrench == Wrench::ZERO {
-            (self.touches, self.wall) = (0, wrench.gap.map_or(0.0, |gap| gap.stiffness));
-        } else {
-            self.touches += 1;
-        }
+        self.compliance.learn(&self.newest, wrench, arm);
         let model = match local_model {
             false => LocalModel::raw(wrench),
-            // The stiffness of the wall at the gap's end stays a lower bound until contact is deep enough for a wrench
-            // to report the full stiffness.
-            true if (1..=SHALLOW).contains(&self.touches) => {
-                LocalModel::new(wrench, arm, trust).no_softer_inward(self.wall, trust)
-            }
-            true => LocalModel::new(wrench, arm, trust),
+            true => LocalModel::new(wrench, &self.compliance, arm, trust),
         };
         self.from = match self.share >= 1.0 {
             true => self.to,
@@ -118,7 +110,7 @@ impl Followed {
                 // At the tool's pose neither of the two blended models has contact: the newer model is kept, because it
                 // determines where contact begins again.
                 now if now.tangent == Tangent::zero() => self.to,
-                now => LocalModel::of(tool, &now, arm, trust),
+                now => LocalModel::of(tool, &now, &self.to, arm, trust),
             },
         };
         // If neither the wrench nor the present model has contact at the wrench's pose, the present model is kept,
@@ -133,12 +125,11 @@ impl Followed {
         self.interval = if local_model { interval } else { 0.0 };
         self.share = 0.0;
         self.most_lent = self.most_lent.max(self.opposed(tool));
-        // If the gap was known, the wall at its end has already opposed the tool's way.
-        let unopposed = if self.wall > 0.0 { 0.0 } else { self.unopposed(tool) };
-        self.credit = self.credit.max(unopposed).min((self.most_lent - lent).max(0.0));
+        self.credit = self.credit.max(self.unopposed(tool)).min((self.most_lent - lent).max(0.0));
         (self.newest, self.taken) = (*wrench, time);
         if wrench.wrench == Wrench::ZERO {
-            (self.entered, self.most_lent) = (wrench.tool.position, 0.0);
+            let gap = wrench.gap.map_or(DVec3::ZERO, |gap| gap.distance.max(0.0) * gap.normal);
+            (self.entered, self.most_lent) = (wrench.tool.position - gap, 0.0);
         }
     }
 
@@ -146,7 +137,8 @@ impl Followed {
     /// contact's normal since the previous wrench, J.
     fn unopposed(&self, tool: &RigidState) -> f64 {
         let Some(normal) = self.to.normal() else { return 0.0 };
-        let way = -normal.dot(tool.position - self.newest.tool.position);
+        let gap = self.newest.gap.map_or(0.0, |gap| gap.distance.max(0.0));
+        let way = -normal.dot(tool.position - self.newest.tool.position) - gap;
         let [from, to] = [&self.from, &self.to].map(|model| along(&normal, &model.evaluate(tool).tangent.force));
         way.max(0.0) * (to - from).max(0.0)
     }
@@ -181,7 +173,7 @@ impl Followed {
         let asked = wanted * gain * (to.stored - from.stored);
         // The device's position may be wrong by one encoder step, so the hand may have supplied this much more energy.
         let uncertain = passivity.quantum_worth(gain * to.tangent.force.fixed_rows::<3>(0).norm());
-        let missing = asked - passivity.surplus(gain * (stored + now)) - uncertain;
+        let missing = asked - passivity.surplus(gain * (stored + now)) - uncertain - gain * (LOST_SHARE * now + LOST);
         if !passivity.is_on() || asked <= 0.0 || missing <= 0.0 {
             self.share += wanted;
             return false;

@@ -10,8 +10,9 @@
 //! (2006).
 
 use glam::DVec3;
-use nalgebra::{Matrix6, SymmetricEigen, Vector6};
+use nalgebra::{Const, Matrix6, SymmetricEigen, Vector3, Vector6};
 
+use super::compliance::Compliance;
 use crate::step::trajectory::rotation_vector;
 use crate::step::{ContactWrench, Gap, RigidState, Wrench};
 
@@ -54,7 +55,7 @@ impl Tangent {
 pub struct LocalModel {
     /// The tool's pose y0 and twist v0.
     tool: RigidState,
-    /// The wrench F0 and its slopes K and D.
+    /// The wrench F0 and the slopes K and D that are felt.
     at: Tangent,
     /// The wrench at `tool`'s pose without its damping part: F0 + D v0.
     at_rest: Vector6<f64>,
@@ -64,9 +65,66 @@ pub struct LocalModel {
     normal: Option<DVec3>,
     /// Bound of p up to which the force grows, square root of J.
     most: f64,
-    /// Additional stiffness along the normal, N/m, for poses deeper than the pose of `tool`; and the depth, m, up to
-    /// which the force of this stiffness grows.
-    inward: [f64; 2],
+    friction: Option<Friction>,
+}
+
+/// Friction between two wrenches: the tangential part of the damping wrench D v, up to the greatest friction. What the
+/// step found beyond D v0, because the tool stuck to the skin, remains.
+#[derive(Debug, Clone, Copy)]
+struct Friction {
+    /// Unit normal of the contact.
+    normal: DVec3,
+    /// Greatest friction, N; where contact pushes from one side, over the normal force.
+    most: f64,
+    is_one_sided: bool,
+    /// The part of the step's friction that D v0 does not account for, N: it opposes the tool.
+    stuck: DVec3,
+}
+
+impl Friction {
+    /// Friction of a wrench with the given damping, and the damping that it leaves: if D v0 exceeds the friction that
+    /// the step found, the skin moves with the tool, and D is reduced by as much. `None` without friction.
+    fn of(wrench: &ContactWrench, damping: Matrix6<f64>) -> (Option<Friction>, Matrix6<f64>) {
+        let Some(normal) = wrench.contact_normal().filter(|_| wrench.most_friction > 0.0) else {
+            return (None, damping);
+        };
+        let across = |force: DVec3| force - normal.dot(force) * normal;
+        let twist = vector(wrench.tool.velocity, wrench.tool.angular_velocity);
+        let [found, told] = [across(-wrench.friction), across(linear(&(damping * twist)))];
+        let share = if told.length() > found.length() { found.length() / told.length() } else { 1.0 };
+        let stuck = found * (1.0 - told.length() / found.length().max(f64::MIN_POSITIVE)).max(0.0);
+        let pressing = normal.dot(wrench.wrench.force);
+        let is_one_sided = wrench.normal().is_some() && pressing > 0.0;
+        let most = if is_one_sided { wrench.most_friction / pressing } else { wrench.most_friction };
+        (Some(Friction { normal, most, is_one_sided, stuck }), reduced(&damping, &normal, share))
+    }
+
+    /// The wrench by which a contact of the given damping opposes a twist, beyond what is stuck, and that wrench's
+    /// damping. `pressing`: the contact's wrench without damping.
+    fn drag(&self, damping: &Matrix6<f64>, twist: &Vector6<f64>, pressing: &Vector6<f64>) -> Tangent {
+        let force = damping * twist;
+        let tangential = linear(&force) - self.normal.dot(linear(&force)) * self.normal;
+        let most = self.most * if self.is_one_sided { along(&self.normal, pressing).max(0.0) } else { 1.0 };
+        let whole = self.stuck + tangential;
+        if whole.length() <= most {
+            return Tangent { force, damping: *damping, ..Tangent::zero() };
+        }
+        let damping = reduced(damping, &self.normal, (most / tangential.length()).min(1.0));
+        let mut force = damping * twist;
+        let slides = self.normal.dot(linear(&force)) * self.normal + most / whole.length() * whole - self.stuck;
+        force.fixed_rows_mut::<3>(0).copy_from(&Vector3::from(slides.to_array()));
+        Tangent { force, damping, ..Tangent::zero() }
+    }
+}
+
+/// Damping with its part across a normal, and its angular part, multiplied by a `share` from 0 to 1.
+fn reduced(damping: &Matrix6<f64>, normal: &DVec3, share: f64) -> Matrix6<f64> {
+    if share == 1.0 {
+        return *damping;
+    }
+    let (root, n) = (share.sqrt(), vector(*normal, DVec3::ZERO));
+    let scale = root * Matrix6::identity() + (1.0 - root) * (n * n.transpose());
+    scale * damping * scale
 }
 
 /// The model's values at one state of the tool.
@@ -103,19 +161,22 @@ impl LocalModel {
     /// Makes the model of a wrench. `arm` (m) is the tool's lever arm, which turns rotations into displacements;
     /// `trust` (m) is the distance from the wrench's pose up to which the force grows in proportion to K. K and D are
     /// projected onto the symmetric positive semi-definite matrices. If the wrench has no contact but reports the gap
-    /// to the nearest body (distance and direction), the model is a wall at the gap's end.
-    pub fn new(wrench: &ContactWrench, arm: f64, trust: f64) -> LocalModel {
+    /// to the nearest body (distance and direction), the model is a wall at the gap's end. In series with contact or
+    /// wall is the compliance of the body.
+    pub fn new(wrench: &ContactWrench, body: &Compliance, arm: f64, trust: f64) -> LocalModel {
         if let (Some(gap), true) = (wrench.gap, wrench.wrench == Wrench::ZERO) {
-            return LocalModel::of_gap(wrench.tool, &gap, trust);
+            let stiffness = in_series(gap.stiffness, body.value());
+            return LocalModel::of_gap(wrench.tool, &Gap { stiffness, ..gap }, trust);
         }
         let arm = arm.max(SHORTEST_ARM);
-        let (stiffness, compliance, stiffest) = project(&wrench.stiffness, arm);
-        let at = Tangent {
-            force: vector(wrench.wrench.force, wrench.wrench.torque),
-            stiffness,
-            damping: project(&wrench.damping, arm).0,
-        };
-        LocalModel::with(wrench.tool, at, compliance, wrench.normal(), trust * stiffest.sqrt())
+        let contact = Spectrum::of(&wrench.stiffness, arm);
+        let (felt, share) = (contact.in_series(body.value()), contact.share(body.value()));
+        let damping = share * Spectrum::of(&wrench.damping, arm).matrix() * share.transpose();
+        let (friction, damping) = Friction::of(wrench, damping);
+        let force = vector(wrench.wrench.force, wrench.wrench.torque);
+        let at = Tangent { force, stiffness: felt.matrix(), damping };
+        let normal = wrench.normal().and(wrench.contact_normal());
+        LocalModel::with(wrench.tool, at, felt.inverse(), normal, trust * felt.greatest().sqrt(), friction)
     }
 
     /// Makes the model of a wall at the end of a gap, for the tool in the given state.
@@ -124,39 +185,43 @@ impl LocalModel {
         let force = -gap.stiffness * gap.distance * n;
         let at = Tangent { force, stiffness: gap.stiffness * n * n.transpose(), damping: Matrix6::zeros() };
         let compliance = if gap.stiffness > 0.0 { n * n.transpose() / gap.stiffness } else { Matrix6::zeros() };
-        LocalModel::with(tool, at, compliance, Some(gap.normal), trust * gap.stiffness.sqrt())
+        LocalModel::with(tool, at, compliance, Some(gap.normal), trust * gap.stiffness.sqrt(), None)
     }
 
     /// Makes a model about the pose of `tool`; the bound of p is the value of p there plus `growth`, square root of J.
-    fn with(tool: RigidState, at: Tangent, compliance: Matrix6<f64>, normal: Option<DVec3>, growth: f64) -> LocalModel {
-        let twist = vector(tool.velocity, tool.angular_velocity);
-        let at_rest = at.force + at.damping * twist;
+    fn with(
+        tool: RigidState,
+        at: Tangent,
+        compliance: Matrix6<f64>,
+        normal: Option<DVec3>,
+        growth: f64,
+        friction: Option<Friction>,
+    ) -> LocalModel {
+        let at_rest = at.force + at.damping * vector(tool.velocity, tool.angular_velocity);
         let presses = normal.is_none_or(|normal| along(&normal, &at_rest) > 0.0);
         let now = if presses { at_rest.dot(&(compliance * at_rest)).max(0.0).sqrt() } else { 0.0 };
-        LocalModel { tool, at, at_rest, compliance, normal, most: now + growth, inward: [0.0; 2] }
-    }
-
-    /// This model, made at least as stiff as `stiffness` (N/m) inwards along its normal, over a depth of `trust` (m):
-    /// contact that has just begun is shallow, and gets stiffer further in.
-    pub fn no_softer_inward(self, stiffness: f64, trust: f64) -> LocalModel {
-        let own = self.normal.map_or(stiffness, |normal| slope(&normal, &self.at.stiffness));
-        LocalModel { inward: [(stiffness - own).max(0.0), trust], ..self }
+        LocalModel { tool, at, at_rest, compliance, normal, most: now + growth, friction }
     }
 
     /// The model without K and D: the wrench stays the same whatever the tool does.
     pub fn raw(wrench: &ContactWrench) -> LocalModel {
         let at = Tangent { force: vector(wrench.wrench.force, wrench.wrench.torque), ..Tangent::zero() };
-        LocalModel::with(wrench.tool, at, Matrix6::zeros(), None, f64::INFINITY)
+        LocalModel::with(wrench.tool, at, Matrix6::zeros(), None, f64::INFINITY, None)
     }
 
-    /// Makes a model about this state of the tool, where it has the wrench and slopes of the given evaluation.
-    pub fn of(tool: &RigidState, evaluation: &Evaluation, arm: f64, trust: f64) -> LocalModel {
+    /// Makes a model about this state of the tool, where it has the wrench and slopes of the given evaluation, and the
+    /// bound on friction of `like`.
+    pub fn of(tool: &RigidState, evaluation: &Evaluation, like: &LocalModel, arm: f64, trust: f64) -> LocalModel {
         let at = evaluation.tangent;
         let rows: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|k| at.stiffness[(i, k)]));
-        let (stiffness, compliance, stiffest) = project(&rows, arm.max(SHORTEST_ARM));
-        let normal = DVec3::new(at.force[0], at.force[1], at.force[2]).try_normalize();
+        let spectrum = Spectrum::of(&rows, arm.max(SHORTEST_ARM));
+        let stiffness = spectrum.matrix();
+        let normal = linear(&at.force).try_normalize();
         let normal = normal.filter(|normal| slope(normal, &stiffness) > 0.0);
-        LocalModel::with(*tool, Tangent { stiffness, ..at }, compliance, normal, trust * stiffest.sqrt())
+        let growth = trust * spectrum.greatest().sqrt();
+        // Damping and force of the evaluation contain what friction did there.
+        let friction = like.friction.map(|friction| Friction { stuck: DVec3::ZERO, ..friction });
+        LocalModel::with(*tool, Tangent { stiffness, ..at }, spectrum.inverse(), normal, growth, friction)
     }
 
     /// Wrench, slopes and potential at the tool's present state. Contact that the tool has left exerts no force: it
@@ -168,39 +233,20 @@ impl LocalModel {
         );
         let twist = vector(tool.velocity, tool.angular_velocity);
         let at_rest = self.at_rest - self.at.stiffness * moved;
-        let damped = self.at.damping * twist;
-        if self.normal.is_some_and(|normal| self.has_let_go(&normal, &(at_rest - damped))) {
-            return Evaluation::zero();
-        }
         let strain = self.compliance * at_rest;
         let size = at_rest.dot(&strain).max(0.0).sqrt();
-        let mut evaluation = if size <= self.most {
-            let tangent = Tangent { force: at_rest - damped, ..self.at };
-            Evaluation { tangent, stored: 0.5 * size * size, is_beyond: false }
-        } else {
-            let share = self.most / size;
-            let force = at_rest - (1.0 - share) * (self.at.stiffness * strain) - damped;
-            let tangent = Tangent { force, stiffness: share * self.at.stiffness, damping: self.at.damping };
-            Evaluation { tangent, stored: self.most * (size - 0.5 * self.most), is_beyond: true }
-        };
-        if let Some(normal) = self.normal {
-            self.stiffen(&normal, -along(&normal, &moved), &mut evaluation);
+        let is_beyond = size > self.most;
+        let share = if is_beyond { self.most / size } else { 1.0 };
+        let pushes = if is_beyond { at_rest - (1.0 - share) * (self.at.stiffness * strain) } else { at_rest };
+        let free = || Tangent { force: self.at.damping * twist, ..self.at };
+        let drag = self.friction.map_or_else(free, |friction| friction.drag(&self.at.damping, &twist, &pushes));
+        if self.normal.is_some_and(|normal| self.has_let_go(&normal, &(at_rest - drag.force))) {
+            return Evaluation::zero();
         }
-        evaluation
-    }
-
-    /// Adds the force, stiffness and energy of the additional inward stiffness to `evaluation`. The evaluation was made
-    /// at a pose `depth` (m) deeper than the pose of the field `tool`.
-    fn stiffen(&self, normal: &DVec3, depth: f64, evaluation: &mut Evaluation) {
-        let [stiffness, trust] = self.inward;
-        if stiffness == 0.0 || depth <= 0.0 {
-            return;
-        }
-        let (near, n) = (depth.min(trust), vector(*normal, DVec3::ZERO));
-        evaluation.tangent.force += stiffness * near * n;
-        evaluation.tangent.stiffness += stiffness * near / depth * n * n.transpose();
-        evaluation.stored += stiffness * near * (depth - 0.5 * near);
-        evaluation.is_beyond |= depth > trust;
+        let stiffness = if is_beyond { share * self.at.stiffness } else { self.at.stiffness };
+        let tangent = Tangent { force: pushes - drag.force, stiffness, damping: drag.damping };
+        let stored = if is_beyond { self.most * (size - 0.5 * self.most) } else { 0.5 * size * size };
+        Evaluation { tangent, stored, is_beyond }
     }
 
     /// Whether there is contact, or a wall at the end of a gap.
@@ -210,7 +256,7 @@ impl LocalModel {
 
     /// Direction in which contact pushes the tool.
     pub fn normal(&self) -> Option<DVec3> {
-        self.normal.or_else(|| DVec3::new(self.at.force[0], self.at.force[1], self.at.force[2]).try_normalize())
+        self.normal.or_else(|| linear(&self.at.force).try_normalize())
     }
 
     /// Whether the tool has left a one-sided contact. `force` is the wrench by the linear law; it pulls where the tool
@@ -222,8 +268,7 @@ impl LocalModel {
     /// The direction of the wrench's force, and the change of force (N) along this direction that K predicts for
     /// another pose of the tool; for comparison with the change that is observed.
     pub fn foretell(&self, tool: &RigidState) -> Option<(DVec3, f64)> {
-        let start = DVec3::new(self.at.force[0], self.at.force[1], self.at.force[2]);
-        let normal = start.try_normalize()?;
+        let normal = linear(&self.at.force).try_normalize()?;
         let moved = tool.position - self.tool.position;
         let turned = rotation_vector(tool.orientation * self.tool.orientation.conjugate());
         let change = self.at.stiffness * vector(moved, turned);
@@ -231,13 +276,23 @@ impl LocalModel {
     }
 }
 
+/// Linear part of a 6-vector.
+fn linear(v: &Vector6<f64>) -> DVec3 {
+    DVec3::new(v[0], v[1], v[2])
+}
+
 /// Component of a 6-vector's linear part along a direction.
 pub fn along(direction: &DVec3, v: &Vector6<f64>) -> f64 {
-    direction.dot(DVec3::new(v[0], v[1], v[2]))
+    direction.dot(linear(v))
+}
+
+/// Stiffness (N/m) of a spring in series with a compliance (m/N).
+pub fn in_series(stiffness: f64, compliance: f64) -> f64 {
+    stiffness / (1.0 + compliance * stiffness)
 }
 
 /// Stiffness along a direction, N/m.
-fn slope(direction: &DVec3, stiffness: &Matrix6<f64>) -> f64 {
+pub fn slope(direction: &DVec3, stiffness: &Matrix6<f64>) -> f64 {
     along(direction, &(stiffness * vector(*direction, DVec3::ZERO)))
 }
 
@@ -246,26 +301,61 @@ pub fn vector(linear: DVec3, angular: DVec3) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
 
-/// The symmetric positive semi-definite matrix nearest to `rows` in the Frobenius norm, its pseudo-inverse, and its
-/// greatest eigenvalue. Norm and eigenvalue measure rotations as displacements at the lever `arm` (m).
-fn project(rows: &[[f64; 6]; 6], arm: f64) -> (Matrix6<f64>, Matrix6<f64>, f64) {
-    let unit = |k: usize| if k < 3 { 1.0 } else { arm };
-    let scaled = Matrix6::from_fn(|i, k| 0.5 * (rows[i][k] + rows[k][i]) / (unit(i) * unit(k)));
-    let none = (Matrix6::zeros(), Matrix6::zeros(), 0.0);
-    if scaled.iter().all(|x| *x == 0.0) {
-        return none;
+/// The symmetric positive semi-definite matrix that is nearest to a given one (K or D) in the Frobenius norm, by its
+/// eigenvalues and eigenvectors. Norm and eigenvalues measure rotations as displacements at the lever `arm` (m).
+struct Spectrum {
+    parts: SymmetricEigen<f64, Const<6>>,
+    arm: f64,
+}
+
+impl Spectrum {
+    fn of(rows: &[[f64; 6]; 6], arm: f64) -> Spectrum {
+        let unit = |k: usize| if k < 3 { 1.0 } else { arm };
+        let scaled = Matrix6::from_fn(|i, k| 0.5 * (rows[i][k] + rows[k][i]) / (unit(i) * unit(k)));
+        // If squares of the entries overflow, no eigenvalues are found, and the matrix is taken as zero.
+        let parts = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS);
+        let none = || SymmetricEigen { eigenvectors: Matrix6::identity(), eigenvalues: Vector6::zeros() };
+        let mut parts = parts.unwrap_or_else(none);
+        parts.eigenvalues.apply(|x| *x = x.max(0.0));
+        Spectrum { parts, arm }
     }
-    // If squares of the entries overflow, no eigenvalues are found, and the matrix (K or D) is taken as zero.
-    let Some(mut parts) = SymmetricEigen::try_new(scaled, f64::EPSILON, MOST_ROUNDS) else { return none };
-    parts.eigenvalues.apply(|x| *x = x.max(0.0));
-    let greatest = parts.eigenvalues.max();
-    let symmetric = |m: &Matrix6<f64>, i: usize, k: usize| 0.5 * (m[(i, k)] + m[(k, i)]);
-    let nearest = parts.recompose();
-    let nearest = Matrix6::from_fn(|i, k| symmetric(&nearest, i, k) * unit(i) * unit(k));
-    parts.eigenvalues.apply(|x| *x = if *x > LEAST_STIFF * greatest { 1.0 / *x } else { 0.0 });
-    let inverse = parts.recompose();
-    let inverse = Matrix6::from_fn(|i, k| symmetric(&inverse, i, k) / (unit(i) * unit(k)));
-    (nearest, inverse, greatest)
+
+    fn greatest(&self) -> f64 {
+        self.parts.eigenvalues.max()
+    }
+
+    /// This stiffness in series with a `compliance` (m/N) equal in all directions.
+    fn in_series(&self, compliance: f64) -> Spectrum {
+        let mut parts = self.parts;
+        parts.eigenvalues.apply(|x| *x = in_series(*x, compliance));
+        Spectrum { parts, arm: self.arm }
+    }
+
+    fn matrix(&self) -> Matrix6<f64> {
+        self.with_values(|x| x, [1, 1])
+    }
+
+    /// The pseudo-inverse.
+    fn inverse(&self) -> Matrix6<f64> {
+        let least = LEAST_STIFF * self.greatest();
+        self.with_values(|x| if x > least { 1.0 / x } else { 0.0 }, [-1, -1])
+    }
+
+    /// The matrix that turns a wrench of a contact with this stiffness into the wrench that is left if the contact is
+    /// in series with a `compliance` (m/N) equal in all directions.
+    fn share(&self, compliance: f64) -> Matrix6<f64> {
+        self.with_values(|x| 1.0 / (1.0 + compliance * x), [1, -1])
+    }
+
+    /// The matrix with the same eigenvectors, whose eigenvalues are a function of those of this one. Its rows and
+    /// columns get the given powers of the lever arm.
+    fn with_values(&self, of: impl Fn(f64) -> f64, powers: [i32; 2]) -> Matrix6<f64> {
+        let mut parts = self.parts;
+        parts.eigenvalues.apply(|x| *x = of(*x));
+        let whole = parts.recompose();
+        let unit = |k: usize, power: i32| if k < 3 { 1.0 } else { self.arm.powi(power) };
+        Matrix6::from_fn(|i, k| 0.5 * (whole[(i, k)] + whole[(k, i)]) * unit(i, powers[0]) * unit(k, powers[1]))
+    }
 }
 
 #[cfg(test)]
@@ -288,9 +378,88 @@ mod tests {
         wrench
     }
 
+    /// A body of this compliance, m/N.
+    fn yielding(compliance: f64) -> Compliance {
+        let gap = Gap { normal: DVec3::Y, distance: 1e-3, stiffness: 1.0, compliance, pair: 0 };
+        let near = ContactWrench { gap: Some(gap), ..ContactWrench::none(at(0.0)) };
+        let mut body = Compliance::default();
+        body.learn(&ContactWrench::none(at(0.0)), &near, 0.01);
+        body
+    }
+
+    /// A body of 250 N/m in series with the contact's 1000 N/m: 200 N/m are felt. The contact's damper moves by a fifth
+    /// of the tool's velocity, and a fifth of its force comes through.
+    #[test]
+    fn the_body_is_in_series_with_contact_and_wall() {
+        let tangent = LocalModel::new(&pressed(2.0), &yielding(1.0 / 250.0), 0.01, 1.0).evaluate(&at(0.0)).tangent;
+        assert!(
+            (tangent.stiffness[(1, 1)] - 200.0).abs() < 1e-9 && (tangent.damping[(1, 1)] - 3.0 / 25.0).abs() < 1e-12
+        );
+        assert_eq!(tangent.force[1], 2.0);
+        // Rotations count at the lever arm: 0.05 N m/rad at 10 mm are 500 N/m.
+        let mut wrench = pressed(2.0);
+        wrench.stiffness[4][4] = 0.05;
+        let tangent = LocalModel::new(&wrench, &yielding(1.0 / 250.0), 0.01, 1.0).evaluate(&at(0.0)).tangent;
+        assert!((tangent.stiffness[(4, 4)] - 0.05 / 3.0).abs() < 1e-12);
+        let gap = Gap { normal: DVec3::Y, distance: 0.0, stiffness: 1000.0, compliance: 0.0, pair: 0 };
+        let near = ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(0.0)) };
+        let wall = LocalModel::new(&near, &yielding(1.0 / 250.0), 0.01, 1.0).evaluate(&at(-1e-3)).tangent;
+        assert!((wall.force[1] - 0.2).abs() < 1e-12);
+    }
+
+    /// A contact that presses with 2 N and slides with a coefficient of friction of 0.3: the damping of friction counts
+    /// up to 0.6 N, and for more where the force presses more.
+    #[test]
+    fn friction_is_limited_by_the_normal_force() {
+        let mut wrench = ContactWrench { most_friction: 0.6, ..pressed(2.0) };
+        (wrench.damping[0][0], wrench.damping[2][2]) = (100.0, 100.0);
+        let model = LocalModel::new(&wrench, &Compliance::default(), 0.01, 1e-2);
+        let sliding = |x: f64, y: f64, depth: f64| RigidState { velocity: DVec3::new(x, y, 0.0), ..at(-depth) };
+        let force = |state: &RigidState| model.evaluate(state).tangent.force;
+        assert!((force(&sliding(0.004, 0.0, 0.0))[0] + 0.4).abs() < 1e-12);
+        assert!((force(&sliding(0.05, 0.0, 0.0))[0] + 0.6).abs() < 1e-12);
+        assert!((force(&sliding(-0.05, 0.0, 1e-3))[0] - 0.9).abs() < 1e-12);
+        // The contact's damping along the normal stays as it is, and the damping is that of the force.
+        let state = sliding(0.05, -0.1, 0.0);
+        let tangent = model.evaluate(&state).tangent;
+        assert!((tangent.force[1] - 2.3).abs() < 1e-12 && (tangent.damping[(0, 0)] * 0.05 - 0.6).abs() < 1e-12);
+        assert!(tangent.damping.symmetric_eigenvalues().min() > -1e-12);
+        // A wrench that was found while the tool slid: at its own state the force is that of the wrench, and at rest
+        // there is no friction. The skin moved, so that D v0 is more than the friction, and D is less.
+        (wrench.wrench.force.x, wrench.friction.x, wrench.tool.velocity.x) = (-0.5, -0.5, 0.02);
+        let model = LocalModel::new(&wrench, &Compliance::default(), 0.01, 1e-2);
+        let force = |x: f64| model.evaluate(&sliding(x, 0.0, 0.0)).tangent.force[0];
+        assert!((force(0.02) + 0.5).abs() < 1e-12 && force(0.0).abs() < 1e-12);
+        assert!((force(0.01) + 0.25).abs() < 1e-12 && (force(0.05) + 0.6).abs() < 1e-12);
+        // A tool that stuck to the skin stays where it is, and slides once it is moved.
+        wrench.tool.velocity.x = 0.0;
+        let model = LocalModel::new(&wrench, &Compliance::default(), 0.01, 1e-2);
+        let force = |x: f64| model.evaluate(&sliding(x, 0.0, 0.0)).tangent.force[0];
+        assert!((force(0.0) + 0.5).abs() < 1e-12 && (force(0.05) + 0.6).abs() < 1e-12);
+        assert!((force(-0.05) - 0.6).abs() < 1e-12 && (force(-0.001) + 0.4).abs() < 1e-12);
+    }
+
+    /// With a coefficient of friction of 1 the net force is tilted by 45 degrees. A tool that slides back keeps its
+    /// contact, and one that is withdrawn lets go without being pulled back.
+    #[test]
+    fn friction_neither_ends_a_contact_nor_lets_it_pull() {
+        let mut wrench = ContactWrench { most_friction: 2.0, ..pressed(2.0) };
+        wrench.damping[0][0] = 1000.0;
+        (wrench.wrench.force.x, wrench.friction.x, wrench.tool.velocity.x) = (-2.0, -2.0, 0.1);
+        let model = LocalModel::new(&wrench, &Compliance::default(), 0.01, 1e-2);
+        for x in [-0.2, -0.01, 0.0, 0.01, 0.2] {
+            for y in (0..200).map(|k| 0.01 * f64::from(k)) {
+                let state = RigidState { velocity: DVec3::new(x, y, 0.0), ..at(-1e-4) };
+                let force = model.evaluate(&state).tangent.force;
+                assert!(force[1] >= 0.0 && (y > 0.1 || force[1] > 1.0), "velocity {x}, {y} m/s: force {force}");
+                assert!(force[0] * x <= 1e-12 && force[0].abs() <= 2.2 + 1e-12);
+            }
+        }
+    }
+
     #[test]
     fn force_follows_the_tool_and_lets_go_without_pulling() {
-        let model = LocalModel::new(&pressed(2.0), 0.01, 1e-3);
+        let model = LocalModel::new(&pressed(2.0), &Compliance::default(), 0.01, 1e-3);
         let force = |y: f64| model.evaluate(&at(y)).tangent.force[1];
         assert!((force(-5e-4) - 2.5).abs() < 1e-12 && (force(5e-4) - 1.5).abs() < 1e-12);
         // Beyond the trusted distance the force grows no further; 2 mm above y = 0 the tool leaves the contact.
@@ -299,22 +468,30 @@ mod tests {
         let leaving = RigidState { velocity: DVec3::Y * 0.1, ..at(0.0) };
         assert!((model.evaluate(&leaving).tangent.force[1] - 1.7).abs() < 1e-12);
         // Contact from two sides, with 6 N up and 4 N down, pushes the tool back whichever way it moves.
-        let between = LocalModel::new(&pressed(10.0), 0.01, 1.0);
+        let between = LocalModel::new(&pressed(10.0), &Compliance::default(), 0.01, 1.0);
         assert!((between.evaluate(&at(5e-3)).tangent.force[1] + 3.0).abs() < 1e-12);
         assert_eq!(LocalModel::raw(&pressed(2.0)).evaluate(&at(-0.1)).tangent.force[1], 2.0);
     }
 
     #[test]
     fn a_gap_is_a_wall_where_it_ends() {
-        let gap = Gap { normal: DVec3::Y, distance: 2e-3, stiffness: 500.0 };
-        let model =
-            LocalModel::new(&ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(0.0)) }, 0.01, 1e-3);
+        let gap = Gap { normal: DVec3::Y, distance: 2e-3, stiffness: 500.0, compliance: 0.0, pair: 0 };
+        let model = LocalModel::new(
+            &ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(0.0)) },
+            &Compliance::default(),
+            0.01,
+            1e-3,
+        );
         assert!(model.has_contact() && model.evaluate(&at(-1.9e-3)) == Evaluation::zero());
         let within = model.evaluate(&at(-2.4e-3));
         assert!((within.tangent.force[1] - 0.2).abs() < 1e-12 && (within.stored - 0.5 * 500.0 * 1.6e-7).abs() < 1e-15);
         let touched = Gap { distance: -1e-3, ..gap };
         let wrench = ContactWrench { step: 1, gap: Some(touched), ..ContactWrench::none(at(0.0)) };
-        assert!((LocalModel::new(&wrench, 0.01, 1e-3).evaluate(&at(0.0)).tangent.force[1] - 0.5).abs() < 1e-12);
+        assert!(
+            (LocalModel::new(&wrench, &Compliance::default(), 0.01, 1e-3).evaluate(&at(0.0)).tangent.force[1] - 0.5)
+                .abs()
+                < 1e-12
+        );
         let deep = model.evaluate(&at(-0.01));
         assert!((deep.tangent.force[1] - 0.5).abs() < 1e-12 && deep.is_beyond);
     }
@@ -331,9 +508,9 @@ mod tests {
         (wrench.stiffness[0][5], wrench.stiffness[5][0]) = (1.5, 1.5);
         wrench.damping = [[0.0; 6]; 6];
         let mut beyond = 0;
-        for (pressing, trust) in [(2.0, 1e-4), (2.0, 1e-2), (10.0, 1e-4), (10.0, 1e-2)] {
-            let model =
-                LocalModel::new(&ContactWrench { pressing, ..wrench }, 0.01, trust).no_softer_inward(2000.0, trust);
+        let cases = [(2.0, 1e-4, 0.0), (2.0, 1e-2, 1e-3), (10.0, 1e-4, 1e-3), (10.0, 1e-2, 0.0)];
+        for (pressing, trust, compliance) in cases {
+            let model = LocalModel::new(&ContactWrench { pressing, ..wrench }, &yielding(compliance), 0.01, trust);
             // All rotations are about one axis, so that they add up as vectors do.
             let state = |t: f64| {
                 let (sine, cosine) = t.sin_cos();
@@ -365,10 +542,10 @@ mod tests {
 
     #[test]
     fn a_model_of_what_is_felt_goes_on_from_there() {
-        let model = LocalModel::new(&pressed(2.0), 0.01, 1e-3);
+        let model = LocalModel::new(&pressed(2.0), &Compliance::default(), 0.01, 1e-3);
         let here = RigidState { velocity: DVec3::Y * -0.01, ..at(-4e-4) };
         let felt = model.evaluate(&here);
-        let next = LocalModel::of(&here, &felt, 0.01, 1e-3);
+        let next = LocalModel::of(&here, &felt, &model, 0.01, 1e-3);
         for y in [-8e-4, -4e-4, 0.0, 5e-4] {
             let there = RigidState { velocity: DVec3::Y * 0.02, ..at(y) };
             let (a, b) = (model.evaluate(&there), next.evaluate(&there));
@@ -387,7 +564,7 @@ mod tests {
         let before = Matrix6::from_fn(|i, k| wrench.stiffness[i][k]);
         assert!(before.symmetric_eigenvalues().min() < -1.0);
         for arm in [0.01, 0.0] {
-            let tangent = LocalModel::new(&wrench, arm, 1.0).evaluate(&at(0.0)).tangent;
+            let tangent = LocalModel::new(&wrench, &Compliance::default(), arm, 1.0).evaluate(&at(0.0)).tangent;
             let least = tangent.stiffness.symmetric_eigenvalues().min();
             assert!(
                 least > -1e-9 && tangent.stiffness == tangent.stiffness.transpose(),
@@ -399,18 +576,22 @@ mod tests {
             );
         }
         // A matrix that is positive semi-definite stays as it is.
-        let tangent = LocalModel::new(&pressed(2.0), 0.01, 1.0).evaluate(&at(0.0)).tangent;
+        let tangent = LocalModel::new(&pressed(2.0), &Compliance::default(), 0.01, 1.0).evaluate(&at(0.0)).tangent;
         assert!((tangent.stiffness[(1, 1)] - 1000.0).abs() < 1e-9);
         wrench.stiffness = [[1e200; 6]; 6];
-        let tangent = LocalModel::new(&wrench, 0.01, 1.0).evaluate(&at(0.0)).tangent;
+        let tangent = LocalModel::new(&wrench, &Compliance::default(), 0.01, 1.0).evaluate(&at(0.0)).tangent;
         assert!(tangent.stiffness.iter().all(|x| x.is_finite()));
     }
 
     #[test]
     fn the_change_that_k_foretells() {
-        let model = LocalModel::new(&pressed(2.0), 0.01, 1.0);
+        let model = LocalModel::new(&pressed(2.0), &Compliance::default(), 0.01, 1.0);
         let (normal, change) = model.foretell(&at(-1e-3)).unwrap();
         assert!(normal == DVec3::Y && (change - 1.0).abs() < 1e-12);
-        assert!(LocalModel::new(&ContactWrench::none(at(0.0)), 0.01, 1.0).foretell(&at(1.0)).is_none());
+        assert!(
+            LocalModel::new(&ContactWrench::none(at(0.0)), &Compliance::default(), 0.01, 1.0)
+                .foretell(&at(1.0))
+                .is_none()
+        );
     }
 }

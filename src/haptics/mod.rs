@@ -3,6 +3,7 @@
 //! coupling (spring and damper).
 
 pub mod clock;
+pub mod compliance;
 pub mod coupling;
 pub mod device;
 pub mod environment;

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::clock::Lateness;
+use super::compliance::Compliance;
 use super::coupling;
 use super::device::Device;
 use super::environment::Environment;
@@ -77,9 +78,9 @@ pub struct Report {
     pub peak_force: f64,
     /// In the last tick: the wrench played, and the contact wrench on the tool.
     pub end: [Wrench; 2],
-    /// Two sums over all pairs of successive wrenches, N: the magnitudes of the force changes that the contact
-    /// stiffness K of the earlier wrench predicted, and the magnitudes of the force changes that were observed. The
-    /// ratio of the two sums is the factor by which K overestimates the felt stiffness.
+    /// Two sums over all pairs of successive wrenches, N: the magnitudes of the force changes that the local model of
+    /// the earlier wrench foretold, and the magnitudes of the force changes that were observed. The ratio of the two
+    /// sums is the factor by which the model overestimates the felt stiffness.
     pub foretold: (f64, f64),
     /// Number of simulation steps while the loop ran.
     pub steps: u64,
@@ -93,8 +94,8 @@ pub struct Report {
 }
 
 impl Report {
-    /// Ratio of the contact stiffness K to the stiffness that is felt; `None` if the observed force changes are too
-    /// small.
+    /// Ratio of the stiffness of the local model to the stiffness that is felt; `None` if the observed force changes
+    /// are too small.
     pub fn overestimate(&self) -> Option<f64> {
         let (foretold, came) = self.foretold;
         (came > FELT).then(|| foretold / came)
@@ -228,6 +229,7 @@ struct Session {
     period: f64,
     settings: Settings,
     before: Option<(LocalModel, ContactWrench)>,
+    compliance: Compliance,
     lost_since: Option<f64>,
 }
 
@@ -255,7 +257,15 @@ impl Session {
             lost: 0,
             ended: None,
         };
-        Session { thread, report, period, settings: *settings, before: None, lost_since: None }
+        Session {
+            thread,
+            report,
+            period,
+            settings: *settings,
+            before: None,
+            compliance: Compliance::default(),
+            lost_since: None,
+        }
     }
 
     /// Simulates steps until the session ends. A step simulates as much time as computing a step takes, so that bodies
@@ -343,6 +353,9 @@ impl Session {
             self.report.foretold.0 += foretold.abs();
             self.report.foretold.1 += came.abs();
         }
-        self.before = Some((LocalModel::new(wrench, self.settings.arm, f64::INFINITY), *wrench));
+        if let Some((_, last)) = &self.before {
+            self.compliance.learn(last, wrench, self.settings.arm);
+        }
+        self.before = Some((LocalModel::new(wrench, &self.compliance, self.settings.arm, f64::INFINITY), *wrench));
     }
 }

@@ -598,7 +598,7 @@ pub const HAPTICS: TableKeys = TableKeys {
         key(
             "trust",
             "m, > 0",
-            "0.002",
+            "0.004",
             "Distance from the tool's place in the newest wrench up to which the local model is followed.",
         ),
         key(

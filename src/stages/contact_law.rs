@@ -19,6 +19,9 @@ pub struct Law {
     pub stiffness: f64,
     /// Contact damping, N s/m^3.
     pub damping: f64,
+    /// Plane strain modulus E / (1 - nu^2) of the softer body, with Young's modulus E and Poisson's ratio nu, Pa;
+    /// infinite where both are rigid.
+    pub modulus: f64,
     /// Whether stiffness, and damping, are greater at tips and edges (`tips.rs`): what a scene gives is taken as it is.
     pub stiffens_tips: [bool; 2],
 }
@@ -31,7 +34,13 @@ pub fn parameters(scene: &Scene, pair: [&Body; 2], all: &[&Body]) -> Law {
     let stiffens = given.is_none() && is_soft;
     // With this damping the penalty force relaxes with a time constant of one step.
     let automatic = stiffness * scene.step.dt;
-    Law { stiffness, damping: damping.unwrap_or(automatic), stiffens_tips: [stiffens, stiffens && damping.is_none()] }
+    let modulus = pair.iter().filter_map(|body| modulus(body)).fold(f64::INFINITY, f64::min);
+    Law {
+        stiffness,
+        damping: damping.unwrap_or(automatic),
+        modulus,
+        stiffens_tips: [stiffens, stiffens && damping.is_none()],
+    }
 }
 
 /// Traction between the two bodies of a contact: force over the contact's area.
@@ -76,23 +85,26 @@ fn wide(x: [f32; 3]) -> DVec3 {
     DVec3::from_array(x.map(f64::from))
 }
 
-/// Automatic contact stiffness of a pair of bodies, N/m^3: 20 E / (1 - nu^2) / (mean edge of the tetrahedral mesh),
-/// with Young's modulus E and Poisson's ratio nu, of the softer body, or, where both are rigid, of the softest of all
-/// bodies. A body of several materials counts with the softest of those in which its surface mesh is embedded: that
-/// material gives way first, and deeper materials are felt through it.
+/// Automatic contact stiffness of a pair of bodies, N/m^3: 20 times the plane strain modulus over the mean edge of the
+/// tetrahedral mesh, of the softer body, or, where both are rigid, of the softest of all bodies.
 fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
     let of = |bodies: &[&Body]| {
         let soft = bodies.iter().filter_map(|body| match &body.shape {
-            Shape::Soft { layer, materials, embedding, .. } => {
-                let of_skin = embedding.iter().map(|e| materials.of(e.tetrahedron as usize));
-                let modulus = |material: &Material| material.young / (1.0 - material.poisson.powi(2));
-                of_skin.map(modulus).reduce(f64::min).map(|modulus| 20.0 * modulus / mean_edge(layer))
-            }
+            Shape::Soft { layer, .. } => modulus(body).map(|modulus| 20.0 * modulus / mean_edge(layer)),
             _ => None,
         });
         soft.reduce(f64::min)
     };
     of(pair).or_else(|| of(all)).unwrap_or(RIGID_STIFFNESS)
+}
+
+/// Plane strain modulus E / (1 - nu^2) of a soft body, Pa. A body of several materials counts with the softest of those
+/// in which its surface mesh is embedded: that material gives way first, and deeper materials are felt through it.
+fn modulus(body: &Body) -> Option<f64> {
+    let Shape::Soft { materials, embedding, .. } = &body.shape else { return None };
+    let of_skin = embedding.iter().map(|e| materials.of(e.tetrahedron as usize));
+    let modulus = |material: &Material| material.young / (1.0 - material.poisson.powi(2));
+    of_skin.map(modulus).reduce(f64::min)
 }
 
 /// Mean edge length of a tetrahedral mesh, each edge counted once, m.

@@ -142,6 +142,7 @@ impl Model {
         });
         self.pair_planes.push(plane);
         self.pair_bodies.push([a, b]);
+        self.pair_moduli.push(law.modulus);
     }
 
     /// Sets the stiffening of the triangles of each rigid body that a soft body's triangles are tested against. Of

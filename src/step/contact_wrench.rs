@@ -2,6 +2,7 @@
 //! with its stiffness and damping, and the gap between the tool and the nearest body.
 
 use glam::DVec3;
+use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
 use super::rigid::{RigidState, Wrench};
@@ -30,6 +31,10 @@ pub struct ContactWrench {
     /// Sum of the magnitudes of the contacts' normal forces, N; without friction equal to the magnitude of the net
     /// force where all contacts press in the same direction.
     pub pressing: f64,
+    /// Friction of the contacts on the tool, a part of the net force, N.
+    pub friction: DVec3,
+    /// The greatest friction of the contacts, N: the coefficient of friction times `pressing`.
+    pub most_friction: f64,
     /// The gap between the tool and the nearest body; `None` where the tool touches something, or nothing is known to
     /// be near.
     pub gap: Option<Gap>,
@@ -46,9 +51,12 @@ pub struct Gap {
     /// How far the tool can go against the normal before it touches the body, m; negative where the tool has come into
     /// contact during a step that began without contact.
     pub distance: f64,
-    /// An upper bound of the stiffness that contact will have at first, N/m; it is an upper bound because the body's
-    /// own compliance is left out.
+    /// Stiffness that contact will have at first, N/m, without the body's own compliance.
     pub stiffness: f64,
+    /// Estimate of the body's own compliance under that contact, m/N; 0 for a rigid body.
+    pub compliance: f64,
+    /// Index of the pair of tool and body, by which bodies are told apart.
+    pub pair: u32,
 }
 
 impl ContactWrench {
@@ -64,9 +72,23 @@ impl ContactWrench {
             stiffness,
             damping,
             pressing: 0.0,
+            friction: DVec3::ZERO,
+            most_friction: 0.0,
             gap: None,
             has_kinematic_motion: false,
         }
+    }
+
+    /// Contact stiffness as a matrix.
+    pub fn stiffness_matrix(&self) -> Matrix6<f64> {
+        Matrix6::from_fn(|i, k| self.stiffness[i][k])
+    }
+
+    /// Unit normal of the contact: the direction in which its stiffness turns the net force, which friction tilts.
+    pub fn contact_normal(&self) -> Option<DVec3> {
+        let force = self.wrench.force;
+        let row = |i: usize| DVec3::new(self.stiffness[i][0], self.stiffness[i][1], self.stiffness[i][2]).dot(force);
+        DVec3::new(row(0), row(1), row(2)).try_normalize()
     }
 
     /// The direction in which contacts push the tool, where they press from one side.
@@ -81,16 +103,18 @@ impl ContactWrench {
         self.tool.is_valid()
             && self.wrench.is_finite()
             && self.pressing.is_finite()
+            && self.friction.is_finite()
+            && self.most_friction.is_finite()
             && self.gap.is_none_or(|gap| gap.is_valid())
             && numbers.into_iter().all(|x| x.is_finite())
     }
 }
 
 impl Gap {
-    /// Whether the normal is a unit vector (to 1e-3), the distance is finite, and the stiffness is finite and not
-    /// negative.
+    /// Whether the normal is a unit vector (to 1e-3), the distance is finite, and stiffness and compliance are finite
+    /// and not negative.
     pub fn is_valid(&self) -> bool {
-        let is_stiffness = self.stiffness.is_finite() && self.stiffness >= 0.0;
-        (self.normal.length() - 1.0).abs() < 1e-3 && self.distance.is_finite() && is_stiffness
+        let is_law = [self.stiffness, self.compliance].iter().all(|x| x.is_finite() && *x >= 0.0);
+        (self.normal.length() - 1.0).abs() < 1e-3 && self.distance.is_finite() && is_law
     }
 }

@@ -86,10 +86,13 @@ impl Simulation {
     /// A gap of this distance (m), or `None` where the distance is beyond the range of the search. The distance is
     /// negative where, in a step that began without contact, a spherical tool came into contact, or any tool came into
     /// contact with a half-space. The gap's stiffness is the pair's contact stiffness times the area over which a
-    /// sphere of the tool's radius touches at first.
+    /// sphere of the tool's radius touches at first; its compliance is that of a half-space under a rigid cylinder of
+    /// the tool's radius R, 1 / (2 E* R) with the softer body's plane strain modulus E* (K. Johnson, "Contact
+    /// Mechanics", 1985, section 3.4), which for a sphere is a lower bound: its area of contact is smaller.
     fn within_range(&self, pair: usize, normal: DVec3, distance: f64) -> Option<Gap> {
         let area = 2.0 * std::f64::consts::PI * self.model.tool_radius * FIRST_TOUCH;
         let stiffness = f64::from(self.model.pairs[pair].stiffness) * area;
-        (distance <= gap::RANGE).then_some(Gap { normal, distance, stiffness })
+        let compliance = 0.5 / (self.model.pair_moduli[pair] * self.model.tool_radius);
+        (distance <= gap::RANGE).then_some(Gap { normal, distance, stiffness, compliance, pair: pair as u32 })
     }
 }

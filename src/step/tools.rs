@@ -81,7 +81,7 @@ pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
 }
 
 /// The contact wrench (force and torque) on the tool, as the GPU reports it after a step.
-pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> ContactWrench {
+pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report, friction: f64) -> ContactWrench {
     let vector = |x: [f32; 3]| DVec3::from(x.map(f64::from));
     // No forces were applied in a frozen step: every attempt at it failed, and the bodies were stopped where they are.
     let is_frozen = Flags(report.flags).contains(Flags::FROZEN);
@@ -94,6 +94,8 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report) -> Contact
         stiffness: matrix(&report.stiffness),
         damping: matrix(&report.damping),
         pressing: report.pressing.into(),
+        friction: vector(report.friction),
+        most_friction: friction * f64::from(report.pressing),
         gap: None,
         has_kinematic_motion: false,
     }

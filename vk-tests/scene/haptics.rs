@@ -16,7 +16,7 @@ use palpate::internal::haptics::{Device, coupling};
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
-use palpate::scene::{Key, Lowered, Profile};
+use palpate::scene::{Haptics, Key, Lowered, Profile};
 use palpate::{Options, Simulation};
 use palpate_devices::{Hand, HandParameters, Scripted};
 
@@ -76,7 +76,7 @@ fn press(deep: f64, until: f64, seconds: f64, adjust: impl FnOnce(&mut Settings)
         local_model: true,
         passivity: true,
         most_damping: gains.most_damping,
-        trust: 2e-3,
+        trust: Haptics::default().trust,
         arm: (inertia / tool.mass).sqrt(),
         resolution: profile.step(),
     };
@@ -166,7 +166,7 @@ fn follow(simulation: &mut Simulation, profile: &str, keys: &[Key], seconds: f64
         local_model: true,
         passivity: true,
         most_damping: gains.most_damping,
-        trust: 2e-3,
+        trust: Haptics::default().trust,
         arm: (inertia / tool.mass).sqrt(),
         resolution: profile.step(),
     };

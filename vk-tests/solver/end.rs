@@ -40,7 +40,7 @@ fn some_nodes() -> Passes {
     (passes.state.status, passes.state.current) = (1, 1);
     passes.iterations[1].count = 17;
     // These fields are written by wrench/reduce alone: solve/conclude must leave them.
-    passes.report.force = [7.0; 3];
+    (passes.report.force, passes.report.torque, passes.report.friction) = ([7.0; 3], [7.0; 3], [7.0; 3]);
     passes.report.stiffness = [7.0; 21];
     passes
 }
@@ -215,6 +215,10 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
         );
         let (groups, failed) = (70u32.div_ceil(context().group_size()), want == shaders::VERDICT_FAILED);
         assert_eq!(granted(&passes), if failed { [0, 0] } else { [groups, 1] });
+        // A failed step applies no force.
+        let kept = [if failed { 0.0 } else { 7.0 }; 3];
+        let shaders::Report { force, torque, friction, .. } = passes.report;
+        assert_eq!([force, torque, friction], [kept; 3]);
         let floor = (f64::from(floor2.max(1e-6)) / 64.0).sqrt();
         expect_close("floor", &[passes.report.residual_floor], &[floor], ROUNDING);
     }

@@ -39,7 +39,7 @@ fn reduce_as(system: &System, forces: &[[f32; 4]], wants_stiffness: bool) -> Rep
         .groups(1)
         .run();
     let after = outcome.get::<Report>("report")[0];
-    let kept = Report { pressing: before.pressing, ..after };
+    let kept = Report { pressing: before.pressing, friction: before.friction, ..after };
     let rest = Report { force: before.force, torque: before.torque, stiffness: [0.0; 21], damping: [0.0; 21], ..kept };
     assert_eq!(
         bytemuck::bytes_of(&rest),
@@ -87,6 +87,7 @@ fn one_contact_by_hand() {
     system.contacts[0].rate = -3.0;
     let report = reduce(&system, &[[0.0; 4]]);
     assert_eq!((report.force, report.torque, report.stiffness), ([0.0; 3], [0.0; 3], [0.0; 21]));
+    assert_eq!(report.friction, [0.0; 3]);
 }
 
 /// The entries (i, k) of a matrix's upper triangle, row by row, each with its scale, the geometric mean of the diagonal
@@ -118,6 +119,7 @@ fn friction_by_hand() {
     let report = reduce(&system, &[[impulse, 0.0, 0.0, 0.0]]);
     let close = Tolerance { abs: 1e-6, rel: 1e-6 };
     expect_close("force", &report.force, &[-8.0, 0.0, -5.0], close);
+    expect_close("friction", &report.friction, &[-8.0, 0.0, 0.0], close);
     expect_close("torque", &report.torque, &[0.0, -4.0, 0.0], close);
     let mut damping = [0.0; 21];
     // Entries (x, x), (x, ry), (y, y), (y, rx), (rx, rx) and (ry, ry) are not zero.
@@ -181,6 +183,7 @@ fn agree(system: System, seed: u64) {
     expect_close("force", &report.force, &want.force.to_array(), within(size));
     expect_close("torque", &report.torque, &want.torque.to_array(), within(0.2 * size));
     expect_close("pressing", &[report.pressing], &[want.pressing], within(size));
+    expect_close("friction", &report.friction, &want.friction.to_array(), within(size));
     for (got, matrix) in [(report.stiffness, want.stiffness), (report.damping, want.damping)] {
         for (got, (want, scale)) in got.iter().zip(triangle(&matrix)) {
             expect_close("entry of stiffness or damping", &[*got], &[want], within(scale));

@@ -14,7 +14,7 @@ use palpate::internal::haptics::{Device, coupling};
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::profile::Profile;
-use palpate::scene::{Key, Lowered};
+use palpate::scene::{Haptics, Key, Lowered};
 
 use super::hand::{Hand, HandParameters};
 
@@ -48,7 +48,7 @@ fn make(profile: &Profile, stiffness: f64, adjust: impl FnOnce(&mut Settings)) -
         local_model: true,
         passivity: true,
         most_damping: gains.most_damping,
-        trust: 2e-3,
+        trust: Haptics::default().trust,
         arm: 0.01,
         resolution: profile.step(),
     };

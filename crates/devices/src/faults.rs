@@ -15,7 +15,7 @@ use palpate::internal::step::ContactWrench;
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::profile::Profile;
-use palpate::scene::{Key, Lowered};
+use palpate::scene::{Haptics, Key, Lowered};
 
 use super::hand::{Hand, HandParameters};
 
@@ -65,7 +65,7 @@ fn making(profile: &str) -> Making {
         local_model: true,
         passivity: true,
         most_damping: gains.most_damping,
-        trust: 2e-3,
+        trust: Haptics::default().trust,
         arm: 6e-3,
         resolution: profile.step(),
     };

@@ -17,7 +17,7 @@ use palpate::internal::step::ContactWrench;
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::profile::Profile;
-use palpate::scene::{Key, Lowered};
+use palpate::scene::{Haptics, Key, Lowered};
 
 use super::{Hand, HandParameters, Scripted};
 
@@ -122,7 +122,7 @@ impl Case {
             local_model: true,
             passivity: true,
             most_damping: gains.most_damping,
-            trust: 2e-3,
+            trust: Haptics::default().trust,
             arm: 6e-3,
             resolution: profile.step(),
         };

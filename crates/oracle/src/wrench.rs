@@ -17,6 +17,8 @@ pub struct Wrench {
     pub torque: DVec3,
     /// Sum of the magnitudes of the contacts' normal forces, N.
     pub pressing: f64,
+    /// Friction on the tool or core, a part of `force`, N.
+    pub friction: DVec3,
     /// K = sum k a c c^T over the active contacts (those that press), with stiffness k (N/m^3), area a, normal n,
     /// contact point s and c = (n, (s - centre) x n); symmetric positive semi-definite.
     pub stiffness: [[f64; 6]; 6],
@@ -63,6 +65,7 @@ fn sum(
         let at = if friction_at_own { point.position } else { other.position } - centre;
         let drag = if of_first { resolved.friction } else { -resolved.friction };
         sum.force += drag;
+        sum.friction += drag;
         sum.torque += at.cross(drag);
         for along in <[DVec3; 2]>::from(contact.normal.any_orthonormal_pair()) {
             add_outer(&mut sum.damping, along, at.cross(along), resolved.viscosity);

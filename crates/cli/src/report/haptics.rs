@@ -118,7 +118,7 @@ impl fmt::Display for Closing<'_> {
         if let Some(overestimate) = report.overestimate() {
             writeln!(
                 f,
-                "from one wrench to the next, contact force changed by 1/{overestimate:.1} of what its stiffness predicted"
+                "from one wrench to the next, the local model foretold {overestimate:.2} times the change of contact force"
             )?;
         }
         writeln!(f, "events: {}", told(&report.events))?;

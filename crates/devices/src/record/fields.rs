@@ -136,7 +136,19 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.add(["held_damping", "_angular", ""], gain(|c| c.angular_damping));
     fields.number("held_max_force", max_force);
     fields.number("h_s", h);
-    let ContactWrench { step, time, tool, wrench, stiffness, damping, pressing, gap, has_kinematic_motion } = wrench;
+    let ContactWrench {
+        step,
+        time,
+        tool,
+        wrench,
+        stiffness,
+        damping,
+        pressing,
+        friction,
+        most_friction,
+        gap,
+        has_kinematic_motion,
+    } = wrench;
     fields.count("step", step);
     fields.number("time_s", time);
     fields.state("tool", &tool);
@@ -147,6 +159,8 @@ pub fn of_step(step: &Step) -> Vec<Field> {
         }
     }
     fields.number("pressing_n", pressing);
+    fields.numbers("friction", XYZ, friction.to_array());
+    fields.number("most_friction_n", most_friction);
     let of_gap = |of: fn(&Gap) -> f64| gap.as_ref().map_or(Value::Nothing, |gap| Value::Number(of(gap)));
     fields.add(["gap_normal", "_x", ""], of_gap(|gap| gap.normal.x));
     fields.add(["gap_normal", "_y", ""], of_gap(|gap| gap.normal.y));
@@ -154,6 +168,8 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.add(["gap_m", "", ""], of_gap(|gap| gap.distance));
     fields.count("is_driven", has_kinematic_motion.into());
     fields.add(["gap_stiffness", "", ""], of_gap(|gap| gap.stiffness));
+    fields.add(["gap_compliance", "", ""], of_gap(|gap| gap.compliance));
+    fields.add(["gap_pair", "", ""], of_gap(|gap| gap.pair.into()));
     fields.0
 }
 
