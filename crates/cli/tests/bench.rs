@@ -131,6 +131,7 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
         rates: vec![50.0],
         bisected: 0.5,
         walls: vec![2000.0],
+        between_moduli: vec![2e4],
         vertices: 4_000,
         cell: 0.04,
         jitter_seconds: 0.3,
@@ -181,10 +182,15 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
         );
         assert_eq!(slid.trace.len(), 120);
     }
+    let [right, own, raw] = &results.between[..3] else { panic!("three presses are expected") };
+    assert!(
+        right.off == [0.0; 2] && own.off[0] < 0.05 && own.off[0] < 0.5 * raw.off[0] && own.foretold.unwrap() < 0.2,
+        "the loop must know the force between steps: {right:?}, {own:?}, {raw:?}"
+    );
     let [idle, loaded] = &results.jitter[..] else { panic!("idle and loaded runs are expected: {:?}", results.jitter) };
     assert!(loaded.is_loaded && !idle.is_loaded && loaded.servo.ticks > 0 && loaded.steps > 0);
 
-    assert_eq!(page.matches("<figure>").count(), 6, "report: {page}");
+    assert_eq!(page.matches("<figure>").count(), 7, "report: {page}");
     assert_eq!((&json["hold"][0]["met"]["wall"], &json["hold"][2]["mode"]), (&2000.0.into(), &"raw".into()));
 }
 

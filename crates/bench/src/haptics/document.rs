@@ -1,6 +1,7 @@
 //! The report of the haptics benchmark, made from its [`Results`]. All numbers of the report's findings (the sentences
 //! that answer a section's question) are computed from the measurements. A tick is one iteration of the haptic loop.
 
+mod between;
 mod controllers;
 mod forces;
 mod walls;
@@ -46,6 +47,9 @@ pub fn sections(results: &Results) -> Result<Vec<Section>> {
     }
     if !results.slides.is_empty() {
         sections.push(forces::slides(&results.slides)?);
+    }
+    if !results.between.is_empty() {
+        sections.push(between::between(&results.between)?);
     }
     if !results.controllers.is_empty() {
         sections.push(controllers::controllers(&results.controllers)?);

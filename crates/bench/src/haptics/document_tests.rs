@@ -2,7 +2,10 @@
 //! results.
 
 use super::*;
-use crate::haptics::{Change, Changes, Controlled, Controller, HoldResult, Limit, Met, Mode, Slid, Spread, Width};
+use crate::haptics::between::Path;
+use crate::haptics::{
+    Between, Change, Changes, Controlled, Controller, HoldResult, Limit, Met, Mode, Slid, Spread, Width,
+};
 
 fn width(damping: f64, [session, local, raw]: [f64; 3]) -> Width {
     Width { profile: "touch".into(), coupling: 400.0, damping, session, local, raw, colgate: 5000.0 }
@@ -102,6 +105,36 @@ fn jumps_are_judged_while_touching_and_while_sliding() {
     assert!(told.iter().all(|told| section.finding.contains(told)), "finding: {}", section.finding);
     assert_eq!(section.table.heads.len(), section.table.rows[0].len());
     assert!(section.plot.unwrap().contains("touch at 50 Hz") && forces::slides(&[]).unwrap().plot.is_none());
+}
+
+#[test]
+fn the_force_between_steps_is_told_of_each_path() {
+    let run = |path, rate, mode, off, foretold| Between {
+        young: 2e4,
+        path,
+        rate,
+        mode,
+        peak: 3.0,
+        off: [off, 2.0 * off],
+        highest: 1.0 + off,
+        foretold,
+    };
+    let press = Path::Press(0.02);
+    let all = [
+        run(press, 1000.0, Mode::Session, 0.0, Some(0.001)),
+        run(press, 50.0, Mode::Session, 0.01, Some(0.04)),
+        run(press, 100.0, Mode::Session, 0.005, Some(0.02)),
+        run(press, 50.0, Mode::Raw, 0.2, None),
+        run(Path::Slide, 50.0, Mode::Session, 0.03, Some(0.05)),
+    ];
+    let section = between::between(&all).unwrap();
+    let told = "Medians of the difference: press and release, 20 mm/s 0.5 to 1.0 % (20.0 % with the raw force); slide \
+                with friction 3.0 % (nothing % with the raw force). The greatest force is 100.5 to 103.0 % of that at \
+                1000 steps a second. The local model foretells the next step's change of force to 0.1 to 5.0 %.";
+    assert_eq!(section.finding, told);
+    assert_eq!(section.table.rows[3][5..], ["20.0", "40.0", "120.0", ""].map(String::from));
+    assert_eq!(section.table.heads.len(), section.table.rows[0].len());
+    assert!(section.plot.unwrap().contains("raw") && between::between(&[]).unwrap().plot.is_none());
 }
 
 #[test]

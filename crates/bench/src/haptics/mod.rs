@@ -1,8 +1,10 @@
 //! `palpate bench haptics`: what the hand feels of the haptic loop. The benchmark measures how stiff a wall may be
-//! before the loop oscillates, how still a held force is, how far a force jumps while sliding, how passivity
-//! controllers (which bound the energy given to the hand) compare, and how punctual the loop's ticks (its 1 kHz
-//! iterations) are. The tool is the rigid body that the haptic device leads.
+//! before the loop oscillates, how still a held force is, how far a force jumps while sliding, how well the loop knows
+//! the force between two steps of the simulation, how passivity controllers (which bound the energy given to the hand)
+//! compare, and how punctual the loop's ticks (its 1 kHz iterations) are. The tool is the rigid body that the haptic
+//! device leads.
 
+pub(super) mod between;
 mod controllers;
 mod document;
 pub(super) mod head;
@@ -15,6 +17,7 @@ mod width;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
+pub use between::Between;
 pub use controllers::{Controlled, Controller};
 pub use hold::{HoldResult, Met, is_still};
 pub use jitter::Punctual;
@@ -49,6 +52,10 @@ pub struct Settings {
     pub slide_rates: Vec<f64>,
     /// Profiles of the haptic devices with which a force is held on the head and the tool slides over it.
     pub slide_devices: Vec<&'static str>,
+    /// Rates of the engine's simulation in the comparison of forces between steps, Hz.
+    pub between_rates: Vec<f64>,
+    /// Young's moduli of the head in that comparison, Pa.
+    pub between_moduli: Vec<f64>,
     /// Number of vertices of the head's skin (its surface mesh).
     pub vertices: usize,
     /// Edge of a lattice cell of the head's layer (its tetrahedral mesh), m.
@@ -74,6 +81,8 @@ impl Settings {
             head_rates: vec![30.0, 50.0, 125.0],
             slide_rates: vec![40.0, 50.0],
             slide_devices: vec!["touch", "premium", "sigma.7", "falcon", "omega.x", "delta.6", "inverse3", "minverse"],
+            between_rates: vec![20.0, 30.0, 50.0, 100.0, 200.0],
+            between_moduli: vec![2e4, 2e6],
             vertices: 44_000,
             cell: 0.018,
             jitter_seconds: 10.0,
@@ -92,6 +101,7 @@ impl Settings {
             bisected: 0.1,
             head_rates: vec![50.0],
             slide_rates: vec![50.0],
+            between_rates: vec![50.0],
             slide_devices: vec!["premium"],
             jitter_seconds: 3.0,
             is_quick: true,
@@ -122,6 +132,8 @@ pub struct Results {
     pub holds: Vec<HoldResult>,
     /// Forces while a simulated person slides the tool over the head.
     pub slides: Vec<Slid>,
+    /// Forces between the steps of the simulation.
+    pub between: Vec<Between>,
     /// Presses into a soft body with different passivity controllers.
     pub controllers: Vec<Controlled>,
     /// Lateness of ticks.
@@ -132,13 +144,14 @@ impl Results {
     /// Reads the results of the parts that were measured. Errors: a part does not have the form of this benchmark's
     /// results.
     pub fn of(parts: &Map<String, Value>) -> Result<Results> {
-        let [widths, delays, rates, holds, slides, controllers, jitter] = PARTS;
+        let [widths, delays, rates, holds, slides, between, controllers, jitter] = PARTS;
         Ok(Results {
             widths: part(parts, widths)?,
             delays: part(parts, delays)?,
             rates: part(parts, rates)?,
             holds: part(parts, holds)?,
             slides: part(parts, slides)?,
+            between: part(parts, between)?,
             controllers: part(parts, controllers)?,
             jitter: part(parts, jitter)?,
         })
@@ -146,7 +159,7 @@ impl Results {
 }
 
 /// Names of the parts of the benchmark, in the order of the lists of [`Results`].
-const PARTS: [&str; 7] = ["damping", "delay", "rate", "hold", "slide", "controllers", "ticks"];
+const PARTS: [&str; 8] = ["damping", "delay", "rate", "hold", "slide", "between", "controllers", "ticks"];
 
 /// The benchmark `haptics`; each of its parts measures one list of [`Results`].
 pub struct Haptics(pub Settings);
@@ -177,6 +190,7 @@ impl Benchmark for Haptics {
             "hold" => to_value(&hold::measure(settings, watch)?),
             "controllers" => to_value(&controllers::measure(settings, watch)?),
             "slide" => to_value(&slide::measure(settings, watch)?),
+            "between" => to_value(&between::measure(settings, watch)?),
             _ => to_value(&jitter::measure(settings, watch)?),
         }
     }

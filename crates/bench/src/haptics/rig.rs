@@ -16,6 +16,7 @@ use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::{Coupling, Haptics, Key, Lowered, Profile};
 use palpate::{Error, Result};
+use palpate_devices::Scripted;
 use palpate_devices::hand::{Hand, HandParameters};
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +63,11 @@ impl Rig {
         self.gains().coupling
     }
 
+    /// Lever arm of the tool, m: a rotation counts as a displacement of its angle times this length.
+    pub fn arm(&self) -> f64 {
+        (inertia() / MASS).sqrt()
+    }
+
     fn gains(&self) -> Gains {
         coupling::choose(self.profile, PERIOD, 0.0, MASS, inertia(), None)
     }
@@ -96,7 +102,35 @@ impl Rig {
         schedule: Schedule,
         control: impl FnMut(&mut Tick),
     ) -> Result<Vec<Tick>> {
-        let [first, .., last] = keys else { return Ok(Vec::new()) };
+        let [first, ..] = keys else { return Ok(Vec::new()) };
+        let hand = Hand::new(self.hand, Trajectory::new(keys, *first), self.profile.clone());
+        self.lead(&mut hand.map_err(Error::Simulation)?, keys, tool, environment, schedule, control)
+    }
+
+    /// Lets a scripted device follow keys exactly, and returns all ticks.
+    pub fn follow_scripted(
+        &self,
+        keys: &[Key],
+        tool: &Tool,
+        environment: &mut dyn Environment,
+        schedule: Schedule,
+    ) -> Result<Vec<Tick>> {
+        let [first, ..] = keys else { return Ok(Vec::new()) };
+        let mut device = Scripted::new(Trajectory::new(keys, *first), self.profile.clone(), PERIOD);
+        self.lead(&mut device, keys, tool, environment, schedule, |_| ())
+    }
+
+    /// Runs the loop with a device until the time of the last key.
+    fn lead(
+        &self,
+        device: &mut dyn Device,
+        keys: &[Key],
+        tool: &Tool,
+        environment: &mut dyn Environment,
+        schedule: Schedule,
+        control: impl FnMut(&mut Tick),
+    ) -> Result<Vec<Tick>> {
+        let [_, .., last] = keys else { return Ok(Vec::new()) };
         let settings = Settings {
             period: PERIOD,
             limits: Limits::new(self.profile, &Lowered::default()).0,
@@ -104,17 +138,15 @@ impl Rig {
             passivity: self.mode == Mode::Session,
             most_damping: self.gains().most_damping,
             trust: Haptics::default().trust,
-            arm: (inertia() / MASS).sqrt(),
+            arm: self.arm(),
             resolution: self.profile.step(),
         };
         let mut servo = Servo::new(settings, Tool { coupling: Some(self.coupling()), ..tool.clone() });
-        let hand = Hand::new(self.hand, Trajectory::new(keys, *first), self.profile.clone());
-        let mut hand = hand.map_err(Error::Simulation)?;
-        hand.open().map_err(|fault| Error::Simulation(fault.to_string()))?;
+        device.open().map_err(|fault| Error::Simulation(fault.to_string()))?;
         let count = (last.time / PERIOD).round() as u64;
         let mut ticks = Vec::with_capacity(count as usize);
         let each = |tick: &Tick| ticks.push(*tick);
-        virtual_time::run_controlled(&mut hand, &mut servo, environment, schedule, count, control, each)?;
+        virtual_time::run_controlled(device, &mut servo, environment, schedule, count, control, each)?;
         Ok(ticks)
     }
 }
