@@ -160,7 +160,7 @@ mod tests {
         let known = pressed(BODY);
         let mut after = known;
         for _ in 0..1000 {
-            after.learn(&at(2e-3, 0.0, BODY), &at(2e-3, 0.0, 900.0 * BODY / 899.9), ARM);
+            after.learn(&at(2e-3, 0.0, BODY), &at(2e-3, 0.0, 1.0001 * BODY), ARM);
         }
         // The force changes although the tool rests; then it slides; then it falls while the tool sinks in.
         after.learn(&at(2e-3, 0.0, BODY), &at(2e-3, 0.0, 2.0 * BODY), ARM);

@@ -5,6 +5,7 @@
 
 use glam::DVec3;
 
+use super::local_model::in_series;
 use crate::Result;
 use crate::step::tool::{Rows, Tool};
 use crate::step::{ContactWrench, DeviceInput, Gap, RigidState, Simulation, Wrench};
@@ -129,7 +130,7 @@ impl Cushion {
 
     /// Stiffness that is felt under a constant load, N/m: the penalty spring and the body's spring in series.
     pub fn felt(&self) -> f64 {
-        1.0 / (1.0 / self.stiffness + 1.0 / self.penalty)
+        in_series(self.penalty, 1.0 / self.stiffness)
     }
 
     /// One step of `h` s by implicit Euler, with contact if `touches`: returns the velocity changes of tool and surface
@@ -180,6 +181,7 @@ impl Environment for Cushion {
             wrench.stiffness[1][1] = self.penalty;
         } else if self.tells_gap {
             let distance = self.tool.centre.y - self.surface[0];
+            // Half of the true compliance: the estimate of a simulation's gap is a lower bound for thick bodies, too.
             let compliance = 0.5 / self.stiffness;
             wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.penalty, compliance, pair: 0 });
         }

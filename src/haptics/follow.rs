@@ -60,8 +60,8 @@ pub struct Followed {
     most_lent: f64,
     /// Time at which the newest wrench was taken, s.
     taken: f64,
-    /// Energy that may still be lent, J: the way that the tool went since the previous wrench, times the force by which
-    /// the newest model exceeds the force felt on that way.
+    /// Energy that may still be lent, J: the way in the body that the tool went since the previous wrench, times the
+    /// force by which the newest model exceeds the force felt on that way.
     credit: f64,
 }
 
@@ -134,7 +134,7 @@ impl Followed {
     }
 
     /// The force by which the new model exceeds the force felt so far, times the way that the tool went against the
-    /// contact's normal since the previous wrench, J.
+    /// contact's normal since the previous wrench, J; the way through the gap that this reported does not count.
     fn unopposed(&self, tool: &RigidState) -> f64 {
         let Some(normal) = self.to.normal() else { return 0.0 };
         let gap = self.newest.gap.map_or(0.0, |gap| gap.distance.max(0.0));
@@ -188,5 +188,30 @@ impl Followed {
     /// Ends the contact: no more energy may be lent for it.
     pub fn end(&mut self) {
         self.credit = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::step::Gap;
+
+    /// The tool moves 4 mm: through a gap of 3 mm, and 1 mm into a body that is stiffer than the wall at the gap's end.
+    /// What may be lent is the missing force times the millimetre in the body.
+    #[test]
+    fn the_way_through_a_gap_lends_nothing() {
+        let at = |y: f64| RigidState::at_rest(DVec3::Y * y, DQuat::IDENTITY);
+        let rules = Rules { local_model: true, arm: 0.01, trust: 4e-3, longest: 0.02 };
+        let mut followed = Followed::new(rules, at(3e-3));
+        let gap = Gap { normal: DVec3::Y, distance: 3e-3, stiffness: 100.0, compliance: 0.0, pair: 0 };
+        followed.take(&ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(3e-3)) }, 0.0, &at(3e-3), 0.0);
+        let mut wrench = ContactWrench { step: 2, pressing: 1.1, ..ContactWrench::none(at(-1e-3)) };
+        wrench.wrench.force = DVec3::Y * 1.1;
+        wrench.stiffness[1][1] = 2000.0;
+        followed.take(&wrench, 0.02, &at(-1e-3), 0.0);
+        assert!((followed.credit - 1e-3 * (1.1 - 0.1)).abs() < 1e-12, "{} J may be lent", followed.credit);
+        assert!((followed.most_lent - 1e-3 * 1.1).abs() < 1e-12, "{} J at most", followed.most_lent);
     }
 }

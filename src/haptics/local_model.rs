@@ -556,6 +556,22 @@ mod tests {
         }
     }
 
+    /// The same while the tool slides, or sticks and slides, and is withdrawn.
+    #[test]
+    fn a_model_of_what_is_felt_goes_on_while_the_tool_slides() {
+        let mut wrench = ContactWrench { most_friction: 0.6, ..pressed(2.0) };
+        wrench.damping[0][0] = 100.0;
+        (wrench.wrench.force.x, wrench.friction.x) = (-0.4, -0.4);
+        for v in [DVec3::new(0.05, 0.02, 0.0), DVec3::new(-0.05, -0.02, 0.0), DVec3::new(0.003, 0.01, 0.0)] {
+            let model = LocalModel::new(&wrench, &Compliance::default(), 0.01, 1e-2);
+            let here = RigidState { velocity: v, ..at(-4e-4) };
+            let felt = model.evaluate(&here);
+            let next = LocalModel::of(&here, &felt, &model, 0.01, 1e-2).evaluate(&here);
+            let difference = (felt.tangent.force - next.tangent.force).norm();
+            assert!(difference < 1e-12, "velocity {v} m/s: the force changes by {difference} N");
+        }
+    }
+
     #[test]
     fn what_is_not_positive_semi_definite_is_taken_away() {
         let mut wrench = pressed(2.0);

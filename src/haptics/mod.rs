@@ -12,6 +12,7 @@ pub mod follow;
 pub mod local_model;
 pub mod pace;
 pub mod passivity;
+pub mod prediction;
 pub mod safety;
 pub mod sense;
 pub mod servo;

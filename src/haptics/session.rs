@@ -8,14 +8,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::clock::Lateness;
-use super::compliance::Compliance;
 use super::coupling;
 use super::device::Device;
 use super::environment::Environment;
 use super::event::{Event, EventCounts};
-use super::local_model::LocalModel;
 use super::pace::Pace;
 use super::passivity::Energy;
+use super::prediction::Prediction;
 use super::safety::Limits;
 use super::servo::{Servo, Settings, Tick};
 use super::servo_thread::{BareTimer, ServoThread};
@@ -227,9 +226,7 @@ struct Session {
     thread: ServoThread,
     report: Report,
     period: f64,
-    settings: Settings,
-    before: Option<(LocalModel, ContactWrench)>,
-    compliance: Compliance,
+    prediction: Prediction,
     lost_since: Option<f64>,
 }
 
@@ -257,15 +254,7 @@ impl Session {
             lost: 0,
             ended: None,
         };
-        Session {
-            thread,
-            report,
-            period,
-            settings: *settings,
-            before: None,
-            compliance: Compliance::default(),
-            lost_since: None,
-        }
+        Session { thread, report, period, prediction: Prediction::new(settings.arm), lost_since: None }
     }
 
     /// Simulates steps until the session ends. A step simulates as much time as computing a step takes, so that bodies
@@ -341,21 +330,11 @@ impl Session {
         Ok(())
     }
 
-    /// Compares two changes of force from the previous wrench to the given wrench: the observed change, and the change
-    /// that the local contact model (linear force law) of the previous wrench predicts for the tool's new pose.
+    /// Adds the predicted and the observed change of force from the previous wrench to this one.
     fn compare(&mut self, wrench: &ContactWrench) {
-        if let Some((model, last)) = &self.before
-            && let Some((normal, foretold)) = model.foretell(&wrench.tool)
-            && last.wrench.force.length() > FELT
-            && wrench.wrench.force.length() > FELT
-        {
-            let came = normal.dot(wrench.wrench.force - last.wrench.force);
-            self.report.foretold.0 += foretold.abs();
-            self.report.foretold.1 += came.abs();
+        if let Some([predicted, observed]) = self.prediction.take(wrench) {
+            self.report.foretold.0 += predicted.abs();
+            self.report.foretold.1 += observed.abs();
         }
-        if let Some((_, last)) = &self.before {
-            self.compliance.learn(last, wrench, self.settings.arm);
-        }
-        self.before = Some((LocalModel::new(wrench, &self.compliance, self.settings.arm, f64::INFINITY), *wrench));
     }
 }

@@ -88,7 +88,8 @@ impl Simulation {
     /// contact with a half-space. The gap's stiffness is the pair's contact stiffness times the area over which a
     /// sphere of the tool's radius touches at first; its compliance is that of a half-space under a rigid cylinder of
     /// the tool's radius R, 1 / (2 E* R) with the softer body's plane strain modulus E* (K. Johnson, "Contact
-    /// Mechanics", 1985, section 3.4), which for a sphere is a lower bound: its area of contact is smaller.
+    /// Mechanics", 1985, section 3.4). On a thick body a sphere's area of contact is smaller, and the body yields more; a
+    /// thin layer, or one of coarse cells, may yield less.
     fn within_range(&self, pair: usize, normal: DVec3, distance: f64) -> Option<Gap> {
         let area = 2.0 * std::f64::consts::PI * self.model.tool_radius * FIRST_TOUCH;
         let stiffness = f64::from(self.model.pairs[pair].stiffness) * area;

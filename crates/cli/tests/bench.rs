@@ -182,10 +182,11 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
         );
         assert_eq!(slid.trace.len(), 120);
     }
-    let [right, own, raw] = &results.between[..3] else { panic!("three presses are expected") };
+    let [reference, own, raw] = &results.between[..3] else { panic!("three presses are expected") };
+    let [at_reference, at_own, at_raw] = [reference, own, raw].map(|run| run.difference[0]);
     assert!(
-        right.off == [0.0; 2] && own.off[0] < 0.05 && own.off[0] < 0.5 * raw.off[0] && own.foretold.unwrap() < 0.2,
-        "the loop must know the force between steps: {right:?}, {own:?}, {raw:?}"
+        at_reference == 0.0 && at_own < 0.05 && at_own < 0.5 * at_raw && own.prediction_error.unwrap() < 0.2,
+        "the loop must know the force between steps: {reference:?}, {own:?}, {raw:?}"
     );
     let [idle, loaded] = &results.jitter[..] else { panic!("idle and loaded runs are expected: {:?}", results.jitter) };
     assert!(loaded.is_loaded && !idle.is_loaded && loaded.servo.ticks > 0 && loaded.steps > 0);

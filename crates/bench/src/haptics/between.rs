@@ -2,20 +2,22 @@
 //! simulation. A scripted device presses the tool (rigid body that the device leads) into the head, slides it along and
 //! releases it, with a simulation of 1000 steps a second and with slower ones; the contact forces that the loop found
 //! are compared tick by tick (iteration of the loop). Besides, the change of force from one step to the next is
-//! compared with the change that the local contact model (the loop's force law between steps) foretold.
+//! compared with the change that the local contact model (the loop's force law between steps) predicted.
 
 use glam::DVec3;
 use palpate::Result;
-use palpate::internal::haptics::compliance::Compliance;
-use palpate::internal::haptics::local_model::LocalModel;
+use palpate::internal::haptics::prediction::Prediction;
 use palpate::internal::haptics::virtual_time::Schedule;
 use palpate::internal::step::ContactWrench;
+use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::Key;
+use palpate_devices::Scripted;
 use serde::{Deserialize, Serialize};
 
 use super::head::{self, CHEEK, Skin};
 use super::rig::{Mode, PERIOD, Recorded, Rig, key, tool};
 use super::{Settings, profile};
+use crate::samples::median;
 
 /// The device's profile.
 pub const DEVICE: &str = "sigma.7";
@@ -23,8 +25,10 @@ pub const DEVICE: &str = "sigma.7";
 pub const REFERENCE: f64 = 1000.0;
 /// Coefficient of friction where the tool slides.
 pub const FRICTION: f64 = 0.3;
-/// Speed of the slide, m/s.
-const SLIDES: f64 = 0.03;
+/// Speed of a slow press and of a fast one, and of the slide, m/s.
+const SLOW: f64 = 0.02;
+const FAST: f64 = 0.2;
+const SLIDE: f64 = 0.03;
 /// Height of the tool at the start above the position in which it first touches the skin, m.
 const ABOVE: f64 = 0.004;
 /// Depth below the position of first touch to which the device goes, m.
@@ -47,7 +51,7 @@ pub enum Path {
 }
 
 /// Paths that are measured.
-pub const PATHS: [Path; 3] = [Path::Press(0.02), Path::Press(0.2), Path::Slide];
+pub const PATHS: [Path; 3] = [Path::Press(SLOW), Path::Press(FAST), Path::Slide];
 
 /// One run, compared with the run at 1000 steps a second.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -64,32 +68,34 @@ pub struct Between {
     pub peak: f64,
     /// Difference of the contact force from that of the run at 1000 steps a second, over `peak`: median and 95th
     /// percentile over the ticks in which the device moves and something is felt.
-    pub off: [f64; 2],
+    pub difference: [f64; 2],
     /// The greatest contact force over `peak`.
-    pub highest: f64,
-    /// Median relative error of the change of force that the local model foretells for the next step; not where the
+    pub greatest: f64,
+    /// Median relative error of the change of force that the local model predicts for the next step; not where the
     /// newest force is held.
-    pub foretold: Option<f64>,
+    pub prediction_error: Option<f64>,
 }
 
-/// Contact forces of all ticks (N), and the median error of the foretold change of force.
+/// Contact forces of all ticks (N), and the median error of the predicted change of force.
 struct Run {
     forces: Vec<DVec3>,
-    foretold: Option<f64>,
+    prediction_error: Option<f64>,
 }
 
 /// Measures all paths on all heads at all rates.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Between>> {
     let mut all = Vec::new();
+    let touch = Skin::of(&head::scene(settings, DVec3::ZERO))?.touch(CHEEK)?;
     for &young in &settings.between_moduli {
         for path in PATHS {
             watch(&format!("between: a head of {young:.0e} Pa, {path:?}"));
-            let keys = keys(&Skin::of(&head::scene(settings, DVec3::ZERO))?, path)?;
-            let moves = |time: f64| keys.windows(2).any(|k| k[0].position != k[1].position && holds(k, time));
+            let keys = keys(touch, path);
             let reference = run(settings, young, path, &keys, REFERENCE, Mode::Session)?;
             let mut add = |rate: f64, mode: Mode, own: &Run| {
-                let (peak, off, highest) = compare(&reference.forces, &own.forces, |tick| moves(tick as f64 * PERIOD));
-                all.push(Between { young, path, rate, mode, peak, off, highest, foretold: own.foretold });
+                let (peak, difference, greatest) =
+                    compare(&reference.forces, &own.forces, |tick| moves(&keys, tick as f64 * PERIOD));
+                let prediction_error = own.prediction_error;
+                all.push(Between { young, path, rate, mode, peak, difference, greatest, prediction_error });
             };
             add(REFERENCE, Mode::Session, &reference);
             for &rate in &settings.between_rates {
@@ -102,31 +108,31 @@ pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<B
     Ok(all)
 }
 
-fn holds(keys: &[Key], time: f64) -> bool {
-    (keys[0].time..keys[1].time).contains(&time)
+/// Whether the device moves at a time, s.
+fn moves(keys: &[Key], time: f64) -> bool {
+    keys.windows(2).any(|pair| pair[0].position != pair[1].position && (pair[0].time..pair[1].time).contains(&time))
 }
 
-/// The device's path.
-fn keys(skin: &Skin, path: Path) -> Result<Vec<Key>> {
-    let touch = skin.touch(CHEEK)?;
+/// The device's path. `touch`: where the tool first touches the skin, m.
+fn keys(touch: DVec3, path: Path) -> Vec<Key> {
     let [above, deep] = [touch + DVec3::Z * ABOVE, touch - DVec3::Z * WITHIN];
-    let speed = if let Path::Press(speed) = path { speed } else { 0.02 };
+    let speed = if let Path::Press(speed) = path { speed } else { SLOW };
     let (begins, takes) = (RESTS[0], (ABOVE + WITHIN) / speed);
     let mut keys = vec![key(0.0, above), key(begins, above), key(begins + takes, deep)];
     let mut time = begins + takes + RESTS[1];
     keys.push(key(time, deep));
-    let mut end = (deep, above);
+    let slid = if path == Path::Slide { WAY } else { 0.0 } * DVec3::Y;
     if path == Path::Slide {
-        end = (deep + DVec3::Y * WAY, above + DVec3::Y * WAY);
-        time += WAY / SLIDES;
-        keys.push(key(time, end.0));
+        time += WAY / SLIDE;
+        keys.push(key(time, deep + slid));
     }
-    keys.push(key(time + takes, end.1));
-    Ok(keys)
+    keys.push(key(time + takes, above + slid));
+    keys
 }
 
 fn run(settings: &Settings, young: f64, path: Path, keys: &[Key], rate: f64, mode: Mode) -> Result<Run> {
-    let mut scene = head::scene(settings, keys[0].position);
+    let [first, last] = [keys[0], keys[keys.len() - 1]];
+    let mut scene = head::scene(settings, first.position);
     if let Some(material) = &mut scene.bodies[0].material {
         material.young = young;
     }
@@ -134,46 +140,35 @@ fn run(settings: &Settings, young: f64, path: Path, keys: &[Key], rate: f64, mod
     let mut simulation = head::open(&scene, settings)?;
     let mut recorded = Recorded { inner: &mut simulation, wrenches: Vec::new() };
     let rig = Rig { profile: profile(DEVICE)?, hand: Default::default(), mode };
-    let tool = tool(keys[0].position);
-    let ticks = rig.follow_scripted(keys, &tool, &mut recorded, Schedule::at(rate, PERIOD))?;
+    let mut device = Scripted::new(Trajectory::new(keys, first), rig.profile.clone(), PERIOD);
+    let schedule = Schedule::at(rate, PERIOD);
+    let ticks = rig.lead(&mut device, last.time, &tool(first.position), &mut recorded, schedule, |_| ())?;
     let forces = ticks.iter().map(|tick| tick.contact.force).collect();
-    let foretold = (mode != Mode::Raw).then(|| error_of_foretold(&recorded.wrenches, rig.arm())).flatten();
-    Ok(Run { forces, foretold })
+    let prediction_error = (mode != Mode::Raw).then(|| prediction_error(&recorded.wrenches, rig.arm())).flatten();
+    Ok(Run { forces, prediction_error })
 }
 
-/// The greatest of the `right` forces, the median and the 95th percentile of the differences over that force, and the
-/// greatest of the `own` forces over it. Compared are the ticks for which `moves` holds.
-fn compare(right: &[DVec3], own: &[DVec3], moves: impl Fn(usize) -> bool) -> (f64, [f64; 2], f64) {
+/// The greatest of the `reference` forces, the median and the 95th percentile of the differences over that force, and
+/// the greatest of the `own` forces over it. Compared are the ticks for which `moves` holds.
+fn compare(reference: &[DVec3], own: &[DVec3], moves: impl Fn(usize) -> bool) -> (f64, [f64; 2], f64) {
     let greatest = |forces: &[DVec3]| forces.iter().map(|force| force.length()).fold(0.0, f64::max);
-    let peak = greatest(right);
-    let felt = |k: usize| right[k].length().max(own[k].length()) > COMPARED * peak;
-    let all = (0..right.len().min(own.len())).filter(|k| moves(*k) && felt(*k));
-    let off = sorted(all.map(|k| (own[k] - right[k]).length() / peak).collect());
-    let at = |share: f64| off.get((share * off.len() as f64) as usize).copied().unwrap_or(0.0);
-    (peak, [at(0.5), at(0.95)], greatest(own) / peak)
+    let peak = greatest(reference);
+    let felt = |k: &usize| reference[*k].length().max(own[*k].length()) > COMPARED * peak;
+    let all = (0..reference.len().min(own.len())).filter(|k| moves(*k)).filter(felt);
+    let mut differences: Vec<f64> = all.map(|k| (own[k] - reference[k]).length() / peak).collect();
+    differences.sort_unstable_by(f64::total_cmp);
+    let p95 = differences.get(differences.len() * 95 / 100).copied().unwrap_or(0.0);
+    (peak, [median(&differences), p95], greatest(own) / peak)
 }
 
-/// Median relative error of the change of force that the local model of each wrench foretells for the next one.
-fn error_of_foretold(wrenches: &[ContactWrench], arm: f64) -> Option<f64> {
-    let mut body = Compliance::default();
-    let mut changes = Vec::new();
-    for pair in wrenches.windows(2) {
-        let model = LocalModel::new(&pair[0], &body, arm, f64::INFINITY);
-        let touches = pair.iter().all(|wrench| wrench.wrench.force != DVec3::ZERO);
-        if let (true, Some((normal, foretold))) = (touches, model.foretell(&pair[1].tool)) {
-            changes.push([foretold, normal.dot(pair[1].wrench.force - pair[0].wrench.force)]);
-        }
-        body.learn(&pair[0], &pair[1], arm);
-    }
-    let greatest = changes.iter().map(|[_, came]| came.abs()).fold(0.0, f64::max);
-    let told = changes.iter().filter(|[_, came]| came.abs() > COMPARED * greatest);
-    let errors = sorted(told.map(|[foretold, came]| (foretold - came).abs() / came.abs()).collect());
-    errors.get(errors.len() / 2).copied()
-}
-
-fn sorted(mut numbers: Vec<f64>) -> Vec<f64> {
-    numbers.sort_unstable_by(f64::total_cmp);
-    numbers
+/// Median relative error of the change of force that the local model of each wrench predicts for the next one.
+fn prediction_error(wrenches: &[ContactWrench], arm: f64) -> Option<f64> {
+    let mut prediction = Prediction::new(arm);
+    let changes: Vec<[f64; 2]> = wrenches.iter().filter_map(|wrench| prediction.take(wrench)).collect();
+    let greatest = changes.iter().map(|[_, observed]| observed.abs()).fold(0.0, f64::max);
+    let compared = changes.iter().filter(|[_, observed]| observed.abs() > COMPARED * greatest);
+    let errors: Vec<f64> = compared.map(|[predicted, observed]| ((predicted - observed) / observed).abs()).collect();
+    (!errors.is_empty()).then(|| median(&errors))
 }
 
 #[cfg(test)]
@@ -185,18 +180,19 @@ mod tests {
 
     #[test]
     fn forces_are_compared_where_the_device_moves_and_something_is_felt() {
-        let right: Vec<DVec3> = (0..100).map(|k| DVec3::Z * f64::from(k).min(50.0)).collect();
-        let own: Vec<DVec3> = right.iter().map(|force| *force * 1.1).collect();
-        let (peak, off, highest) = compare(&right, &own, |k| k < 50);
+        let reference: Vec<DVec3> = (0..100).map(|k| DVec3::Z * f64::from(k).min(50.0)).collect();
+        let own: Vec<DVec3> = reference.iter().map(|force| *force * 1.1).collect();
+        let (peak, difference, greatest) = compare(&reference, &own, |k| k < 50);
         assert_eq!(peak, 50.0);
-        assert!((highest - 1.1).abs() < 1e-12);
+        assert!((greatest - 1.1).abs() < 1e-12);
         // Ticks 3 to 49, of which the middle one is 26 and the 95th percentile 47.
-        assert!((off[0] - 0.1 * 26.0 / 50.0).abs() < 1e-12 && (off[1] - 0.1 * 47.0 / 50.0).abs() < 1e-12, "{off:?}");
-        assert_eq!(compare(&right, &own, |_| false).1, [0.0; 2]);
+        let expected = [26.0, 47.0].map(|force| 0.1 * force / 50.0);
+        assert!(difference.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{difference:?}");
+        assert_eq!(compare(&reference, &own, |_| false).1, [0.0; 2]);
     }
 
     #[test]
-    fn the_error_of_what_is_foretold_falls_once_the_body_is_known() {
+    fn the_error_is_that_of_changes_that_are_felt() {
         let at = |k: u32| {
             let tool = RigidState::at_rest(DVec3::Y * -1e-4 * f64::from(k), DQuat::IDENTITY);
             let mut wrench = ContactWrench { step: u64::from(k), ..ContactWrench::none(tool) };
@@ -204,10 +200,19 @@ mod tests {
             wrench.stiffness[1][1] = 1200.0;
             wrench
         };
-        let two: Vec<ContactWrench> = (1..3).map(at).collect();
-        assert!((error_of_foretold(&two, 0.01).unwrap() - 3.0).abs() < 1e-9);
-        let many: Vec<ContactWrench> = (1..30).map(at).collect();
-        assert!(error_of_foretold(&many, 0.01).unwrap() < 0.01);
-        assert!(error_of_foretold(&[], 0.01).is_none());
+        assert!((prediction_error(&[at(1), at(2)], 0.01).unwrap() - 3.0).abs() < 1e-9);
+        assert!(prediction_error(&(1..30).map(at).collect::<Vec<_>>(), 0.01).unwrap() < 0.01);
+        assert!(prediction_error(&[at(0), at(1)], 0.01).is_none());
+    }
+
+    #[test]
+    fn a_slide_ends_where_it_left_the_skin_and_rests_are_no_motion() {
+        let keys = keys(DVec3::ZERO, Path::Slide);
+        let end = keys[keys.len() - 1];
+        assert!((end.position - DVec3::new(0.0, WAY, ABOVE)).length() < 1e-15);
+        let time = 2.0 * (ABOVE + WITHIN) / SLOW + WAY / SLIDE + RESTS[0] + RESTS[1];
+        assert!((end.time - time).abs() < 1e-12);
+        let moving = (0..(1e3 * time) as usize).filter(|k| moves(&keys, 1e-3 * *k as f64)).count() as f64;
+        assert!((moving - 1e3 * (time - RESTS[0] - RESTS[1])).abs() <= 3.0, "{moving} ticks move");
     }
 }

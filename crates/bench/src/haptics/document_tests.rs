@@ -109,15 +109,15 @@ fn jumps_are_judged_while_touching_and_while_sliding() {
 
 #[test]
 fn the_force_between_steps_is_told_of_each_path() {
-    let run = |path, rate, mode, off, foretold| Between {
+    let run = |path, rate, mode, difference, prediction_error| Between {
         young: 2e4,
         path,
         rate,
         mode,
         peak: 3.0,
-        off: [off, 2.0 * off],
-        highest: 1.0 + off,
-        foretold,
+        difference: [difference, 2.0 * difference],
+        greatest: 1.0 + difference,
+        prediction_error,
     };
     let press = Path::Press(0.02);
     let all = [
@@ -126,11 +126,12 @@ fn the_force_between_steps_is_told_of_each_path() {
         run(press, 100.0, Mode::Session, 0.005, Some(0.02)),
         run(press, 50.0, Mode::Raw, 0.2, None),
         run(Path::Slide, 50.0, Mode::Session, 0.03, Some(0.05)),
+        run(Path::Slide, 50.0, Mode::Raw, 0.1, None),
     ];
     let section = between::between(&all).unwrap();
     let told = "Medians of the difference: press and release, 20 mm/s 0.5 to 1.0 % (20.0 % with the raw force); slide \
-                with friction 3.0 % (nothing % with the raw force). The greatest force is 100.5 to 103.0 % of that at \
-                1000 steps a second. The local model foretells the next step's change of force to 0.1 to 5.0 %.";
+                with friction 3.0 % (10.0 % with the raw force). The greatest force is 100.5 to 103.0 % of that at \
+                1000 steps a second. The local model predicts the next step's change of force to 0.1 to 5.0 %.";
     assert_eq!(section.finding, told);
     assert_eq!(section.table.rows[3][5..], ["20.0", "40.0", "120.0", ""].map(String::from));
     assert_eq!(section.table.heads.len(), section.table.rows[0].len());

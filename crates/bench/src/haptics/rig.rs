@@ -16,7 +16,6 @@ use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::{Coupling, Haptics, Key, Lowered, Profile};
 use palpate::{Error, Result};
-use palpate_devices::Scripted;
 use palpate_devices::hand::{Hand, HandParameters};
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +43,11 @@ impl Mode {
     /// All modes and their names.
     pub const ALL: [(Mode, &'static str); 3] =
         [(Mode::Session, "as in a session"), (Mode::Local, "no passivity control"), (Mode::Raw, "raw force")];
+
+    /// The mode's name.
+    pub fn name(self) -> &'static str {
+        Mode::ALL.iter().find(|(mode, _)| *mode == self).map_or("", |(_, name)| name)
+    }
 }
 
 /// A haptic device, the simulated hand that holds it, and how the loop uses the simulation's wrenches.
@@ -102,35 +106,22 @@ impl Rig {
         schedule: Schedule,
         control: impl FnMut(&mut Tick),
     ) -> Result<Vec<Tick>> {
-        let [first, ..] = keys else { return Ok(Vec::new()) };
+        let [first, .., last] = keys else { return Ok(Vec::new()) };
         let hand = Hand::new(self.hand, Trajectory::new(keys, *first), self.profile.clone());
-        self.lead(&mut hand.map_err(Error::Simulation)?, keys, tool, environment, schedule, control)
+        self.lead(&mut hand.map_err(Error::Simulation)?, last.time, tool, environment, schedule, control)
     }
 
-    /// Lets a scripted device follow keys exactly, and returns all ticks.
-    pub fn follow_scripted(
-        &self,
-        keys: &[Key],
-        tool: &Tool,
-        environment: &mut dyn Environment,
-        schedule: Schedule,
-    ) -> Result<Vec<Tick>> {
-        let [first, ..] = keys else { return Ok(Vec::new()) };
-        let mut device = Scripted::new(Trajectory::new(keys, *first), self.profile.clone(), PERIOD);
-        self.lead(&mut device, keys, tool, environment, schedule, |_| ())
-    }
-
-    /// Runs the loop with a device until the time of the last key.
-    fn lead(
+    /// Runs the loop with a device for some seconds, and returns all ticks; the other parameters are those of
+    /// [`Rig::follow_controlled`].
+    pub fn lead(
         &self,
         device: &mut dyn Device,
-        keys: &[Key],
+        seconds: f64,
         tool: &Tool,
         environment: &mut dyn Environment,
         schedule: Schedule,
         control: impl FnMut(&mut Tick),
     ) -> Result<Vec<Tick>> {
-        let [_, .., last] = keys else { return Ok(Vec::new()) };
         let settings = Settings {
             period: PERIOD,
             limits: Limits::new(self.profile, &Lowered::default()).0,
@@ -143,7 +134,7 @@ impl Rig {
         };
         let mut servo = Servo::new(settings, Tool { coupling: Some(self.coupling()), ..tool.clone() });
         device.open().map_err(|fault| Error::Simulation(fault.to_string()))?;
-        let count = (last.time / PERIOD).round() as u64;
+        let count = (seconds / PERIOD).round() as u64;
         let mut ticks = Vec::with_capacity(count as usize);
         let each = |tick: &Tick| ticks.push(*tick);
         virtual_time::run_controlled(device, &mut servo, environment, schedule, count, control, each)?;

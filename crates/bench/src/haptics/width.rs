@@ -8,6 +8,7 @@
 use glam::DVec3;
 use palpate::Result;
 use palpate::internal::haptics::coupling;
+use palpate::internal::haptics::local_model::in_series;
 use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::virtual_time::Schedule;
 use palpate::scene::{Key, Profile};
@@ -101,11 +102,6 @@ pub struct Limit {
     pub gil: f64,
 }
 
-/// Stiffness of virtual coupling and wall as springs in series, N/m.
-pub fn in_series(coupling: f64, wall: f64) -> f64 {
-    if wall > 0.0 { 1.0 / (1.0 / coupling + 1.0 / wall) } else { 0.0 }
-}
-
 /// Damping of the critical hand and its haptic device together, N s/m.
 pub fn dissipation() -> f64 {
     CRITICAL.damping + CRITICAL.device_damping
@@ -193,7 +189,7 @@ fn press(rig: &Rig, stiffness: f64, damping: f64, rate: f64) -> Result<bool> {
     let (start, within) = (DVec3::Y * 0.005, DVec3::Y * -WITHIN);
     let keys: [Key; 4] = [key(0.0, start), key(0.3, start), key(0.6, within), key(4.0, within)];
     let ticks = rig.follow(&keys, &tool(start), &mut wall(stiffness, damping, start), Schedule::at(rate, PERIOD))?;
-    let balance = WITHIN / (1.0 / CRITICAL.stiffness + 1.0 / in_series(rig.coupling().stiffness, stiffness));
+    let balance = WITHIN / (1.0 / CRITICAL.stiffness + 1.0 / in_series(stiffness, 1.0 / rig.coupling().stiffness));
     Ok(keeps_still(&ticks, balance))
 }
 

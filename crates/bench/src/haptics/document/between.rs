@@ -22,13 +22,12 @@ fn percent(share: f64) -> String {
 /// The section about the force between steps.
 pub fn between(all: &[Between]) -> Result<Section> {
     let mut table = Table::new(["E, kPa", "path", "rate, Hz", "loop", "peak, N"]);
-    table.heads.extend(["off, %", "off, p95, %", "highest, %", "foretold off by, %"].map(Into::into));
+    table.heads.extend(["difference, %", "p95, %", "greatest, %", "prediction error, %"].map(Into::into));
     for run in all {
-        let name = Mode::ALL.iter().find(|(mode, _)| *mode == run.mode).map_or("", |(_, name)| name);
         let mut row = vec![format!("{:.0}", 1e-3 * run.young), name_of(run.path), format!("{:.0}", run.rate)];
-        row.extend([name.into(), format!("{:.2}", run.peak)]);
-        row.extend([run.off[0], run.off[1], run.highest].map(percent));
-        row.push(run.foretold.map_or_else(String::new, percent));
+        row.extend([run.mode.name().into(), format!("{:.2}", run.peak)]);
+        row.extend([run.difference[0], run.difference[1], run.greatest].map(percent));
+        row.push(run.prediction_error.map_or_else(String::new, percent));
         table.rows.push(row);
     }
     Ok(Section {
@@ -36,10 +35,10 @@ pub fn between(all: &[Between]) -> Result<Section> {
         question: format!(
             "A scripted device ({DEVICE}) presses the sphere into the cheek of the head of `touch-head.toml` and \
              releases it, or slides along it with friction of {FRICTION}. How far is the loop's contact force from \
-             that of the same path at {REFERENCE:.0} steps a second? `off` is the difference over the greatest force: \
+             that of the same path at {REFERENCE:.0} steps a second? `difference` is over the greatest force: \
              the median over all ticks in which the device moves and something is felt, and the 95th percentile. \
-             `highest` is the greatest force over that at {REFERENCE:.0} steps a second. `foretold off by` is the \
-             median relative error of the change of force that the local model foretells from one step to the next. \
+             `greatest` is the greatest force over that at {REFERENCE:.0} steps a second. `prediction error` is the \
+             median relative error of the change of force that the local model predicts from one step to the next. \
              The plot shows the median for the slow press."
         ),
         table,
@@ -50,18 +49,14 @@ pub fn between(all: &[Between]) -> Result<Section> {
 }
 
 fn plot(all: &[Between]) -> Result<String> {
-    let of = |mode: Mode, name: &str| Line {
-        name: name.into(),
-        points: all
-            .iter()
-            .filter(|run| run.mode == mode && run.rate < REFERENCE && Some(run.young) == all.first().map(|r| r.young))
-            .filter(|run| Some(run.path) == all.first().map(|r| r.path))
-            .map(|run| (run.rate, 1e2 * run.off[0]))
-            .collect(),
-        ..Line::default()
+    let is_drawn = |run: &&Between| run.rate < REFERENCE && (run.young, run.path) == (all[0].young, all[0].path);
+    let of = |mode: Mode, name: &str| {
+        let runs = all.iter().filter(is_drawn).filter(|run| run.mode == mode);
+        let points = runs.map(|run| (run.rate, 1e2 * run.difference[0])).collect();
+        Line { name: name.into(), points, ..Line::default() }
     };
     let axis = Axis { label: "rate of the simulation, Hz".into(), names: Vec::new() };
-    lines(&axis, "off, %", &[of(Mode::Session, "session"), of(Mode::Raw, "raw")])
+    lines(&axis, "difference, %", &[of(Mode::Session, "session"), of(Mode::Raw, "raw")])
 }
 
 fn finding(all: &[Between]) -> String {
@@ -73,18 +68,18 @@ fn finding(all: &[Between]) -> String {
         paths
     });
     let of_path = |path: &Path| {
-        let off = |mode: Mode| {
+        let difference = |mode: Mode| {
             let runs = slower().filter(|run| run.path == *path && run.mode == mode);
-            range(runs.map(|run| run.off[0]), percent)
+            range(runs.map(|run| run.difference[0]), percent)
         };
-        format!("{} {} % ({} % with the raw force)", name_of(*path), off(Mode::Session), off(Mode::Raw))
+        format!("{} {} % ({} % with the raw force)", name_of(*path), difference(Mode::Session), difference(Mode::Raw))
     };
     let paths: Vec<String> = paths.iter().map(of_path).collect();
-    let told = range(all.iter().filter_map(|run| run.foretold), percent);
-    let highest = range(slower().filter(|run| run.mode == Mode::Session).map(|run| run.highest), percent);
+    let errors = range(all.iter().filter_map(|run| run.prediction_error), percent);
+    let greatest = range(slower().filter(|run| run.mode == Mode::Session).map(|run| run.greatest), percent);
     format!(
-        "Medians of the difference: {}. The greatest force is {highest} % of that at {REFERENCE:.0} steps a second. \
-         The local model foretells the next step's change of force to {told} %.",
+        "Medians of the difference: {}. The greatest force is {greatest} % of that at {REFERENCE:.0} steps a second. \
+         The local model predicts the next step's change of force to {errors} %.",
         paths.join("; ")
     )
 }

@@ -132,10 +132,13 @@ pub fn slides(slides: &[Slid]) -> Result<Section> {
         );
     }
     for slid in slides {
-        let name = Mode::ALL.iter().find(|(mode, _)| *mode == slid.mode).map_or("", |(_, name)| name);
         let cell = |c: &Change| format!("{:.1} ({:.1})", 1e3 * c.newtons, percent(c));
-        let mut row =
-            vec![slid.profile.clone(), format!("{:.0}", slid.rate), name.into(), format!("{:.2}", slid.force.mean)];
+        let mut row = vec![
+            slid.profile.clone(),
+            format!("{:.0}", slid.rate),
+            slid.mode.name().into(),
+            format!("{:.2}", slid.force.mean),
+        ];
         for changes in [&slid.touch, &slid.slide] {
             row.extend([&changes.played, &changes.contact, &changes.raw].map(cell));
         }

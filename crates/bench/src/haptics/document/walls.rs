@@ -3,9 +3,10 @@
 //! theory of Gil and others.
 
 use palpate::Result;
+use palpate::internal::haptics::local_model::in_series;
 
 use super::{range, span};
-use crate::haptics::width::{RANGE, STILL, STILL_SHARE, dissipation, in_series};
+use crate::haptics::width::{RANGE, STILL, STILL_SHARE, dissipation};
 use crate::haptics::{Limit, Width};
 use crate::plot::{Line, Logarithmic, Panel, panels};
 use crate::{Section, Table};
@@ -44,7 +45,7 @@ pub fn widths(widths: &[Width]) -> Result<Section> {
             newtons_a_metre(w.session),
             newtons_a_metre(w.local),
             newtons_a_metre(w.raw),
-            format!("{:.0}", in_series(w.coupling, w.raw)),
+            format!("{:.0}", in_series(w.raw, 1.0 / w.coupling)),
             newtons_a_metre(w.colgate),
         ]);
     }
@@ -89,7 +90,7 @@ fn width_finding(widths: &[Width]) -> String {
         of(|w| w.session),
         of(|w| w.local),
         of(|w| w.raw),
-        range(widths.iter().map(|w| in_series(w.coupling, w.raw)), |k| format!("{k:.0}"))
+        range(widths.iter().map(|w| in_series(w.raw, 1.0 / w.coupling)), |k| format!("{k:.0}"))
     )
 }
 
@@ -130,7 +131,7 @@ pub fn rates(limits: &[Limit]) -> Result<Section> {
 fn table(limits: &[Limit], head: &str, of: impl Fn(&Limit) -> String) -> Table {
     let mut table = Table::new(["device", head, "local model", "raw force", "felt", "felt, raw", "Colgate", "Gil"]);
     for limit in limits {
-        let felt = |wall: f64| format!("{:.0}", in_series(limit.coupling, wall));
+        let felt = |wall: f64| format!("{:.0}", in_series(wall, 1.0 / limit.coupling));
         table.rows.push(vec![
             limit.profile.clone(),
             of(limit),
