@@ -20,6 +20,7 @@ mod nodes;
 mod passing;
 mod plans;
 mod probes;
+mod reactions;
 mod report;
 mod rigid;
 mod saved;
@@ -208,11 +209,11 @@ impl Simulation {
         // A frozen step, in which no attempt succeeded, leaves the forces of a solve that was not accepted.
         self.is_solved = !Flags(report.flags).contains(Flags::FROZEN);
         let device = self.trajectory.device(time, h);
-        let probes = self.read_probes()?;
+        let (probes, reactions) = (self.read_probes()?, self.read_reactions(&report)?);
         let friction = self.scene.contact.friction;
         self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report, friction));
         self.add_gap(&report)?;
-        Ok(self.row(&report, time, &device, probes, begun))
+        Ok(StepReport { reactions, ..self.row(&report, time, &device, probes, begun) })
     }
 
     /// The scene that is simulated, with the changes made since it was opened.
@@ -495,6 +496,7 @@ impl Simulation {
             step_us: begun.elapsed().as_secs_f64() * 1e6,
             work: self.last_work,
             probes,
+            reactions: Vec::new(),
         }
     }
 }

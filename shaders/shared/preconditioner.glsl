@@ -5,10 +5,12 @@
 // that of the body at rest, without contacts. A contact would resist motions that A_c does not know to be stiff. So P
 // = D^-1 E P_0 at a free node: the affine motions P_0 of shared/coarse_vector.glsl, smoothed by one step of block
 // Jacobi on the nodes' diagonal blocks of the contacts' part of A. E is D without that part; where a contact is
-// stiff, D^-1 E leaves no motion along its normal. Without contacts P is P_0.
+// stiff, D^-1 E leaves no motion along its normal. Supports (shared/support.glsl) count like infinitely stiff contacts:
+// with the projection S onto what they leave, D is S D S and E is S E S, but that D is filled up where it would be
+// singular. Without contacts and supports P is P_0.
 //
 // Rigid bodies have another preconditioner, in shared/rigid_inverse.glsl. An including shader includes
-// shared/symmetric.glsl and shared/coarse_vector.glsl, and declares CONTACT, COARSE (whether any body has a coarse
+// shared/symmetric.glsl and shared/coarse_vector.glsl, and declares SMOOTHS (whether P differs from P_0), COARSE (whether any body has a coarse
 // space), `inverse` (D^-1 of each node: a vec4 with xx yy zz and a vec4 with xy xz yz) and `blocks_without_contacts` (E,
 // likewise).
 
@@ -25,7 +27,7 @@ vec3 product_without_contacts(uint node, vec3 v) {
 
 // E D^-1 r, whose restriction by P_0^T is P^T r.
 vec3 force_on_modes(uint node, vec3 r) {
-    return CONTACT ? product_without_contacts(node, precondition_node(node, r)) : r;
+    return SMOOTHS ? product_without_contacts(node, precondition_node(node, r)) : r;
 }
 
 // M^-1 r of a free node. `coarse` is A_c^-1 P^T r for the node's block (set of nodes that one workgroup works on), in
@@ -33,6 +35,6 @@ vec3 force_on_modes(uint node, vec3 r) {
 vec3 precondition(uint node, vec3 r, CoarseVector coarse, vec3 at) {
     if (!COARSE) return precondition_node(node, r);
     vec3 moved = prolongation(coarse, at);
-    if (CONTACT) return precondition_node(node, r + product_without_contacts(node, moved));
+    if (SMOOTHS) return precondition_node(node, r + product_without_contacts(node, moved));
     return precondition_node(node, r) + moved;
 }

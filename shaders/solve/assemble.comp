@@ -25,6 +25,7 @@
 // - for each free node, the inverse of its 3x3 diagonal block D of A, and, where there are a coarse space and contacts,
 //   the block E, which is D without the contacts' part; for each attached node, its diagonal block itself, from which
 //   solve/cores computes the diagonal block of the core.
+// - where nodes are supported (shared/support.glsl), b and D as the supports restrict them, and what these take from b.
 // - for each block of nodes, b . D^-1 b, with D the nodes' diagonal blocks, and (e . D^-1 e) eps^2, where e sums the
 //   magnitudes of the terms of b, and eps is ROUNDING: an estimate of b . D^-1 b for a body at rest, whose b is
 //   nothing but rounding error. A body with a coarse space adds that space's part (shared/share.glsl).
@@ -39,6 +40,7 @@ layout(constant_id = 4) const bool PATCHES = false;
 layout(constant_id = 5) const uint TETRAHEDRA = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const bool JOINTS = false;
+layout(constant_id = 9) const bool SUPPORTS = false;         // whether some nodes are supported (shared/support.glsl)
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(scalar) readonly buffer Params { StepParams params; };
@@ -70,7 +72,10 @@ layout(scalar) writeonly buffer BlockTurns { vec4 block_turns[]; };        // ro
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
 layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
+READ_ONLY(vec4, node_supports);
+layout(scalar) writeonly buffer HeldRhs { vec4 held_rhs[]; };        // what a node's supports take from its b
 
+const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (shared/preconditioner.glsl)
 const uint SUMS = 7;
 
 #include "shared/rotation.glsl"
@@ -84,6 +89,7 @@ const uint SUMS = 7;
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
 #include "shared/joint.glsl"
+#include "shared/support.glsl"
 
 // Adds the terms of contacts to a node's right-hand side `b`, to the magnitudes `e` of its terms, and to its diagonal
 // block, whose diagonal is `a` and whose off-diagonal (xy xz yz) is `c`.
@@ -166,6 +172,15 @@ void main() {
         }
         vec3 without_contacts = a, without_contacts_off = c;
         if (CONTACT) add_contacts(node.x, b, e, a, c);
+        if (SUPPORTS) {
+            vec4 support = fetch(node_supports, i);
+            vec3 along = along_support(support, b);
+            held_rhs[i] = vec4(b - along, 0.0);
+            b = along;
+            e = magnitudes_along_support(support, e);
+            restrict_block(support, 0.0, without_contacts, without_contacts_off);
+            restrict_block(support, (a.x + a.y + a.z) / 3.0, a, c);
+        }
         rhs[i] = vec4(b, 0.0);
         if (block.rigid != NONE) {
             vec3 arm = rotate(turn, rest.xyz);
@@ -182,7 +197,7 @@ void main() {
         if (COARSE) {
             vec3 where = (rest.xyz - place.xyz) * place.w;
             vec3 on_modes = b, lost = e;
-            if (CONTACT) {
+            if (SMOOTHS) {
                 blocks_without_contacts[2 * i] = vec4(without_contacts, 0.0);
                 blocks_without_contacts[2 * i + 1] = vec4(without_contacts_off, 0.0);
                 on_modes = symmetric_times(without_contacts, without_contacts_off, z);

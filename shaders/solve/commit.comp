@@ -6,6 +6,7 @@
 #include "shared/rotation.glsl"
 #include "shared/link.glsl"
 #include "shared/node_motion.glsl"
+#include "shared/support.glsl"
 
 // Solve: commits the solution x (change of velocity) of the linear system A x = b to the nodes' velocities v and
 // displacements d: v += x and d += (dR - I) (r + d) + h R1^T (v - v_centre). A displacement is in the node's frame
@@ -20,6 +21,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
 layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unknowns: cores and the tool
+layout(constant_id = 5) const bool SUPPORTS = false;   // whether some nodes are supported (shared/support.glsl)
 layout(constant_id = 7) const bool NEWTON = false;     // whether a step has several Newton iterations
 
 layout(scalar) readonly buffer Params { StepParams params; };
@@ -36,6 +38,7 @@ layout(scalar) buffer Velocity { vec4 velocity[]; };
 layout(scalar) buffer Displacement { vec4 displacement[]; };
 layout(scalar) buffer Trend { vec4 trend[]; };            // minus the last step's solution before, x minus that after
 layout(scalar) writeonly buffer CarriedResidual { vec4 carried_residual[]; };      // carried residual b - A x
+READ_ONLY(vec4, node_supports);
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -46,6 +49,12 @@ void main() {
     trend[i] += x;
     if (info.w != NODE_FREE) return;
     vec3 v = velocity[i].xyz + x.xyz;
+    vec4 support = vec4(0.0);
+    if (SUPPORTS) {
+        // What rounding leaves of x along the other directions would add up.
+        support = fetch(node_supports, i);
+        v = along_support(support, v);
+    }
     vec4 undone;
     if (NEWTON) undone = fetch(linear_residual, i);
     else undone = fetch(rhs, i) - fetch(operator_product, i);
@@ -61,5 +70,8 @@ void main() {
     vec3 d = displacement[i].xyz;
     // R1^T = dR R0^T maps world axes to the axes of the frame at the end.
     vec3 step = rotate(frame.turn, rotate_back(frame.rotation, params.dt * (v - frame.linear)));
-    displacement[i] = vec4(d + turned(frame.turn, fetch(node_rest, i).xyz + d) + step, 0.0);
+    d = d + turned(frame.turn, fetch(node_rest, i).xyz + d) + step;
+    // The frame of a supported node rests, and the node's displacement is in what the support leaves to it.
+    if (SUPPORTS) d = along_support(vec4(rotate_back(frame.rotation, support.xyz), support.w), d);
+    displacement[i] = vec4(d, 0.0);
 }

@@ -18,6 +18,7 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
+layout(constant_id = 4) const bool SUPPORTS = false;         // whether some nodes are supported (shared/support.glsl)
 
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, block_turns);                           // rotation of each block, world
@@ -46,6 +47,8 @@ layout(scalar) writeonly buffer RestrictedDirection { vec4 restricted_direction[
 #include "shared/blocks.glsl"
 #include "shared/coarse_vector.glsl"
 #include "shared/symmetric.glsl"
+
+const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (shared/preconditioner.glsl)
 #include "shared/preconditioner.glsl"
 #include "shared/core.glsl"
 #include "shared/start.glsl"

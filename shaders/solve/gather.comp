@@ -36,6 +36,7 @@ layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
 layout(constant_id = 9) const uint FIRST = 0;           // first of the blocks that this ROLE works on
 layout(constant_id = 10) const bool JOINTS = false;
+layout(constant_id = 5) const bool SUPPORTS = false;         // whether some nodes are supported (shared/support.glsl)
 layout(constant_id = 11) const bool ASSEMBLED = false;      // whether the operator is kept as a matrix
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
@@ -73,6 +74,11 @@ layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
 layout(scalar) readonly buffer JointSides { uint joint_sides[]; };     // joints of each core: 2 * joint + side (0 or 1)
+READ_ONLY(vec4, node_supports);
+READ_ONLY(vec4, held_rhs);        // what a node's supports take from its b, from solve/assemble
+layout(scalar) writeonly buffer HoldingImpulses { vec4 holding_impulses[]; };      // impulse that holds each node, N s
+
+const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (shared/preconditioner.glsl)
 
 const uint SUMS = 7;
 #include "shared/roles.glsl"
@@ -88,6 +94,7 @@ const uint SUMS = 7;
 #include "shared/gather.glsl"
 #include "shared/six.glsl"
 #include "shared/joint.glsl"
+#include "shared/support.glsl"
 
 // Adds the forces and torques on the tool of those contacts that this lane works on.
 void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torque_sum) {
@@ -151,6 +158,11 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
         if (ASSEMBLED) w += gather_row(p, node.y, node.z);
         else w += gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
+        if (SUPPORTS && ROLE == FREE_NODES) {
+            vec3 along = along_support(fetch(node_supports, i), w);
+            if (MODE == GATHER_END) holding_impulses[i] = vec4(w - along - fetch(held_rhs, i).xyz, 0.0);
+            w = along;
+        }
         operator_product[i] = vec4(w, 0.0);
         if (ROLE == ATTACHED_NODES) {
             of_product.c0 += w;
@@ -169,7 +181,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
             r = fetch(residual_or_rhs, i).xyz - w;
             vec3 lost = HALF_ULP * p, e = lost / fetch(inverse, 2 * i).xyz;
             sums.xy += vec2(dot(r, precondition_node(i, r)), dot(lost, e));
-            vec3 on_modes = CONTACT && COARSE ? product_without_contacts(i, lost) : e;
+            vec3 on_modes = SMOOTHS && COARSE ? product_without_contacts(i, lost) : e;
             if (COARSE) sums.z += dot(on_modes, on_modes);
         }
         if (COARSE) {

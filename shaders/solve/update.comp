@@ -29,6 +29,7 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BLOCKS = 0;
 layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
+layout(constant_id = 4) const bool SUPPORTS = false;         // whether some nodes are supported (shared/support.glsl)
 layout(constant_id = 5) const uint PARTIALS = 1;        // number of workgroups of solve/gather: blocks and the tool
 layout(constant_id = 6) const uint RIGIDS = 0;          // rigid bodies: dynamic cores and, as the last, the tool
 layout(constant_id = 8) const uint ROLE = 0;            // FREE_NODES, ATTACHED_NODES or TOOL_ROWS of shared/roles.glsl
@@ -84,6 +85,8 @@ shared float group_residuals[6 * WIDEST];
 #include "shared/blocks.glsl"
 #include "shared/coarse_vector.glsl"
 #include "shared/symmetric.glsl"
+
+const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (shared/preconditioner.glsl)
 #include "shared/preconditioner.glsl"
 #include "shared/coarse.glsl"
 #include "shared/core.glsl"

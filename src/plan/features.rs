@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::prepare::Body;
 use crate::scene::{Body as SceneBody, MaterialLaw, Preconditioner, Samples, Scene, Shape, Sides};
+use crate::shaders::{SUPPORT_AXIS, SUPPORT_HELD, SUPPORT_PLANE};
 use crate::stages::material_law;
 use crate::stages::model::Model;
 
@@ -130,8 +131,30 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     add("joints", joints > 0, format!("{joints} joints between cores"), "no two cores are joined");
     let hinges = hinges.count();
     add("hinges", hinges > 0, format!("{hinges} cores turn on a hinge"), "no core is on a hinge");
+    let supported = model.held.nodes.iter().filter(|node| [SUPPORT_PLANE, SUPPORT_AXIS].contains(&(node[3] as u32)));
+    let pinned = (0..model.held.nodes.len())
+        .filter(|n| model.held.nodes[*n][3] as u32 == SUPPORT_HELD && model.is_free(*n))
+        .count();
+    let (supported, reactions) = (supported.count() + pinned, model.held.holders.len());
+    add(
+        "supports",
+        supported > 0,
+        format!("{supported} nodes may move only along planes or lines, or not at all"),
+        "no [[body.support]]",
+    );
+    add(
+        "reactions",
+        reactions > 0,
+        format!("of {reactions} cores and supports"),
+        "no supports, and no body asks for reactions",
+    );
     let floating = model.floating.len();
-    add("floating frames", floating > 0, format!("{floating} bodies without a core"), "every soft body has a core");
+    add(
+        "floating frames",
+        floating > 0,
+        format!("{floating} bodies without a core"),
+        "every soft body has a core or supports",
+    );
     add(
         "links of frames",
         model.spans_frames(),

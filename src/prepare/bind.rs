@@ -81,15 +81,14 @@ pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bo
     }
 }
 
-/// Finds nodes that are not connected to any core: the nodes of each connected part of the layer that has no attached
-/// node. Returns the number of such nodes and the lowest index among them; `None` if there are none.
-pub fn unattached(layer: &Layer) -> Option<(usize, u32)> {
+/// Finds nodes that nothing holds: the nodes of each connected part of the layer of which no node is `held`. Returns the number of such nodes and the lowest index among them; `None` if there are none.
+pub fn unattached(layer: &Layer, held: &[bool]) -> Option<(usize, u32)> {
     let (labels, count) = layer::parts(layer);
-    let mut held = vec![false; count];
-    for (&label, &bound) in labels.iter().zip(&layer.attached) {
-        held[label as usize] |= bound;
+    let mut is_held = vec![false; count];
+    for (&label, &held) in labels.iter().zip(held) {
+        is_held[label as usize] |= held;
     }
-    let mut loose = (0..labels.len()).filter(|&n| !held[labels[n] as usize]);
+    let mut loose = (0..labels.len()).filter(|&n| !is_held[labels[n] as usize]);
     let first = loose.next()?;
     Some((1 + loose.count(), first as u32))
 }
@@ -166,10 +165,10 @@ mod tests {
         let mut layer = layer::kuhn_box(DVec3::ZERO, DVec3::ONE, [1, 1, 1]);
         layer.tetrahedra.extend(layer.tetrahedra.clone().iter().map(|t| t.map(|i| i + 8)));
         layer.nodes.extend_from_within(..);
-        layer.attached = vec![false; 16];
-        layer.attached[3] = true;
-        assert_eq!(unattached(&layer), Some((8, 8)));
-        layer.attached[15] = true;
-        assert_eq!(unattached(&layer), None);
+        let mut held = vec![false; 16];
+        held[3] = true;
+        assert_eq!(unattached(&layer, &held), Some((8, 8)));
+        held[15] = true;
+        assert_eq!(unattached(&layer, &held), None);
     }
 }

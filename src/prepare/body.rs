@@ -226,7 +226,7 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let mut layer = prepared.layer.unwrap_or_default();
     let materials = materials::materials(keys, body, &layer, &prepared.groups)?;
     let numbers = &prepared.node_numbers;
-    let node_frames = cores::bind(body, &mut layer, numbers, &prepared.mesh, |key, problem, remedy| {
+    let (node_frames, supports) = cores::bind(body, &mut layer, numbers, &prepared.mesh, |key, problem, remedy| {
         keys.error(key, problem, remedy)
     })?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
@@ -250,7 +250,7 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
         .map_err(|(key, problem, remedy)| keys.error(&key, problem, remedy))?;
     let scaled_joint = |joint: &scene::Joint| scene::Joint { point: body.scale * joint.point, ..*joint };
     let joints = body.joints.iter().map(scaled_joint).collect();
-    Ok(Shape::Soft { layer, frames, node_frames, joints, materials, embedding, skin, proxies })
+    Ok(Shape::Soft { layer, frames, node_frames, supports, joints, materials, embedding, skin, proxies })
 }
 
 /// Motion of a rigid body, which its only core defines; a body without core is fixed.

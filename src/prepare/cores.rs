@@ -8,6 +8,7 @@ use std::collections::BinaryHeap;
 
 use glam::{DMat3, DVec3};
 
+use super::supports::{Freedom, Supports, supports};
 use super::{Frame, FrameMotion, Layer, Materials, NONE, bind};
 use crate::Result;
 use crate::scene::obj::TriangleMesh;
@@ -23,26 +24,27 @@ const ENLARGE: &str = "enlarge the region, or leave the core out for a free body
 /// Marks in `layer` the nodes attached to the body's cores, and returns the index of the core that each node follows.
 /// An attached node follows the first core in the body's list that selects it; where capsules of bones overlap,
 /// [`bind::nearer_bones`] decides. A free node follows the core whose attached nodes are nearest along the edges of the
-/// layer, so that a hand near a thigh follows the arm's core and not the leg's. In a body without cores all indices are
-/// 0. `skin` and `layer` are in file coordinates; `numbers` holds the number of each node in the layer's file,
+/// layer, so that a hand near a thigh follows the arm's core and not the leg's. Nodes that supports hold count like
+/// attached ones of a further core, which rests; what supports leave to each node is the second result. In a body
+/// without cores all indices are 0. `skin` and `layer` are in file coordinates; `numbers` holds the number of each node in the layer's file,
 /// ascending. `error` makes an error of a key (`core.NAME.bind` or `layer`), a problem and a remedy.
 ///
-/// It is an error if a core has no attached node, or if no node of a connected part of the layer is attached.
+/// It is an error if a core has no attached node, or if cores and supports hold no node of a connected part of the
+/// layer.
 pub fn bind(
     body: &Body,
     layer: &mut Layer,
     numbers: &[u32],
     skin: &TriangleMesh,
     error: impl Fn(&str, &str, &str) -> crate::Error,
-) -> Result<Vec<u32>> {
+) -> Result<(Vec<u32>, Supports)> {
     let mut holders = vec![NONE; layer.nodes.len()];
     for (index, core) in body.cores.iter().enumerate() {
         let key = format!("core.{}.bind", core.name);
         let region =
             core.bind.as_ref().ok_or_else(|| error(&key, "missing", "give `bind`, the nodes attached to the core"))?;
-        let mut named = renumbered(region, numbers)
-            .and_then(|region| bind::named(layer, (&skin.vertices, &skin.triangles), &region))
-            .map_err(|(problem, remedy)| error(&key, &problem, remedy))?;
+        let mut named =
+            selected(region, layer, numbers, skin).map_err(|(problem, remedy)| error(&key, &problem, remedy))?;
         bind::nearer_bones(layer, &body.cores, index, &mut named);
         for (holder, _) in holders.iter_mut().zip(&named).filter(|(holder, named)| **named && **holder == NONE) {
             *holder = index as u32;
@@ -57,19 +59,37 @@ pub fn bind(
         }
     }
     layer.attached = holders.iter().map(|&holder| holder != NONE).collect();
-    if body.cores.is_empty() {
-        return Ok(vec![0; holders.len()]);
+    let held = supports(body, layer, &holders, numbers, skin, &error)?;
+    if body.cores.is_empty() && body.supports.is_empty() {
+        return Ok((vec![0; holders.len()], held));
     }
-    if let Some((count, node)) = bind::unattached(layer) {
+    // The frame of the supports comes after those of the cores.
+    for (holder, freedom) in holders.iter_mut().zip(&held.freedom) {
+        if *holder == NONE && *freedom != Freedom::Free {
+            *holder = body.cores.len() as u32;
+        }
+    }
+    let is_held: Vec<bool> = holders.iter().map(|&holder| holder != NONE).collect();
+    if let Some((count, node)) = bind::unattached(layer, &is_held) {
         let (p, node) = (layer.nodes[node as usize], numbers[node as usize]);
         let problem = format!(
-            "a connected part of the layer has no node attached to a core: {count} nodes, among them node {node} at \
+            "a connected part of the layer has no node attached to a core or held by a support: {count} nodes, among them node {node} at \
              [{:.4}, {:.4}, {:.4}]",
             p.x, p.y, p.z
         );
         return Err(error("layer", &problem, "join the parts, attach a node of each, or make them separate bodies"));
     }
-    Ok(nearest(layer, holders))
+    Ok((nearest(layer, holders), held))
+}
+
+/// Whether each node of the layer lies in the region `bind`; an error consists of a problem and its remedy.
+pub fn selected(
+    bind: &Bind,
+    layer: &Layer,
+    numbers: &[u32],
+    skin: &TriangleMesh,
+) -> std::result::Result<Vec<bool>, (String, &'static str)> {
+    bind::named(layer, (&skin.vertices, &skin.triangles), &renumbered(bind, numbers)?)
 }
 
 /// If `bind` lists nodes, translates their numbers in the layer's file into indices of the layer's nodes.
@@ -114,7 +134,8 @@ fn nearest(layer: &Layer, mut holders: Vec<u32>) -> Vec<u32> {
 }
 
 /// The rigid frames of a soft body: one for each core, with its origin at the centre of mass of the attached nodes or
-/// on the core's hinge; without cores, one floating frame at the centre of mass. `layer` is in the rest frame (m),
+/// on the core's hinge, and a fixed one where the body has supports; without either, one floating frame at the centre of
+/// mass. `layer` is in the rest frame (m),
 /// `holders` is the result of the function `bind`. It is an error (key, problem, remedy) if all nodes of a dynamic core
 /// lie on one line or on the core's hinge: the core would have no inertia about that line or hinge.
 pub fn frames(
@@ -124,7 +145,9 @@ pub fn frames(
     materials: &Materials,
 ) -> std::result::Result<Vec<Frame>, (String, &'static str, &'static str)> {
     if body.cores.is_empty() {
-        return Ok(vec![floating(layer, materials)]);
+        let floating = floating(layer, materials);
+        let motion = if body.supports.is_empty() { floating.motion } else { FrameMotion::Fixed };
+        return Ok(vec![Frame { motion, ..floating }]);
     }
     let shares = shares(layer, materials);
     let frame = |(index, core): (usize, &crate::scene::Core)| {
@@ -157,7 +180,13 @@ pub fn frames(
         }
         Ok(Frame { centre, motion })
     };
-    body.cores.iter().enumerate().map(frame).collect()
+    let mut frames: Vec<Frame> = body.cores.iter().enumerate().map(frame).collect::<std::result::Result<_, _>>()?;
+    if !body.supports.is_empty() {
+        let own = || (0..holders.len()).filter(|&n| holders[n] as usize == body.cores.len());
+        let centre = own().map(|n| layer.nodes[n]).sum::<DVec3>() / own().count().max(1) as f64;
+        frames.push(Frame { centre, motion: FrameMotion::Fixed });
+    }
+    Ok(frames)
 }
 
 /// Motion of the frame of a dynamic core; `scale` is the factor by which the body's coordinates are scaled.

@@ -33,6 +33,7 @@ pub mod skin;
 mod sources;
 pub mod sphere;
 pub mod stuffing;
+pub mod supports;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -87,10 +88,13 @@ pub enum Shape {
     Soft {
         /// The tetrahedral simulation mesh.
         layer: Layer,
-        /// The rigid frames of the body: one for each core, or one floating frame for a body without cores.
+        /// The rigid frames of the body: one for each core, then a fixed one if it has supports; or one floating frame for a
+        /// body without either.
         frames: Vec<Frame>,
         /// Index of the frame in which the displacement of each node is measured.
         node_frames: Vec<u32>,
+        /// What holds the body from outside.
+        supports: supports::Supports,
         /// Joints between frames; their points are in the rest frame, m.
         joints: Vec<Joint>,
         /// Materials of the tetrahedra.

@@ -106,6 +106,8 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         cores: cores.iter().enumerate().map(core).collect(),
         repair: true,
         joints: Vec::new(),
+        supports: Vec::new(),
+        reactions: None,
         skeleton: None,
     };
     Scene {

@@ -14,7 +14,8 @@ use super::meshes::Meshes;
 use super::reference;
 use super::tetrahedra::EXTENSIONS;
 use super::{
-    Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, joint, skeleton, trajectory,
+    Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, joint, skeleton, support,
+    trajectory,
 };
 use crate::Result;
 
@@ -101,6 +102,8 @@ fn body(value: &Value) -> Result<Body> {
         collides: table.option("collides", |value| value.array()?.iter().map(Value::name).collect())?,
         cores,
         joints,
+        supports: support::read(&table)?,
+        reactions: table.option("reactions", Value::truth)?,
         repair: table.or("repair", true, Value::truth)?,
         skeleton,
     })
@@ -139,6 +142,7 @@ fn shape(table: &Table) -> Result<Shape> {
                 return Err(table.error("material", "a rigid body has none", remedy));
             }
             refuse(table, &["dilatation"], "belongs to a soft body, and this one is rigid")?;
+            refuse(table, &["support", "reactions"], "belongs to a soft body, and this one is rigid")?;
             let why = "a rigid body has no [[body.core]]; its own keys are motion, keys, mass and hinge";
             refuse(table, &["core", "joint", "skeleton", "bones"], why)?;
             refuse(table, &["region"], "has no meaning for a rigid body, which has no material")?;
@@ -320,7 +324,8 @@ fn motion(table: &Table) -> Result<Motion> {
     Ok(if motion == "dynamic" { Motion::Dynamic } else { Motion::Fixed })
 }
 
-fn bind(value: &Value) -> Result<Bind> {
+/// The nodes of a core or of a support.
+pub(super) fn bind(value: &Value) -> Result<Bind> {
     let table = value.table(&reference::BIND)?;
     let kind = table.exactly_one(&reference::BIND.names())?;
     let value = table.need(kind)?;

@@ -88,7 +88,7 @@ impl Problem {
 }
 
 /// Prefixes the key of a problem, if a check found one; see [`Problem::within`].
-trait Under {
+pub(super) trait Under {
     fn under(self, key: impl AsRef<str>) -> Self;
 }
 
@@ -253,7 +253,8 @@ fn vector(x: DVec3) -> Check {
     Ok(())
 }
 
-fn direction(x: DVec3) -> Check {
+/// Checks that a vector has unit length.
+pub(super) fn direction(x: DVec3) -> Check {
     vector(x)?;
     let length = x.length();
     let sound = (length - 1.0).abs() <= NORMAL_TOLERANCE;
@@ -441,6 +442,9 @@ impl Body {
         for (k, joint) in self.joints.iter().enumerate() {
             self.check_joint(k, joint).under(format!("joint[{k}]"))?;
         }
+        for (k, support) in self.supports.iter().enumerate() {
+            support.check(&self.cores, &self.supports[..k]).under(format!("support.{}", support.name))?;
+        }
         Ok(())
     }
 
@@ -517,6 +521,8 @@ impl Body {
             ("dilatation", self.dilatation != Dilatation::default()),
             ("joint", !self.joints.is_empty()),
             ("skeleton", self.skeleton.is_some()),
+            ("support", !self.supports.is_empty()),
+            ("reactions", self.reactions.is_some()),
         ];
         match given.iter().find(|(_, is_given)| *is_given) {
             Some((key, _)) => Err(Problem::of(*key, why, "remove it")),
@@ -642,7 +648,7 @@ impl Core {
 }
 
 impl Bind {
-    fn check(&self) -> Check {
+    pub(super) fn check(&self) -> Check {
         match self {
             Bind::Inset(depth) => not_negative(*depth).under("inset"),
             Bind::Box { low, high } => {

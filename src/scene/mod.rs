@@ -39,6 +39,7 @@ pub mod profile;
 #[doc(hidden)]
 pub mod reference;
 mod skeleton;
+mod support;
 #[cfg(test)]
 mod tests;
 #[doc(hidden)]
@@ -75,6 +76,7 @@ pub use material::{Group, Material, MaterialLaw, Place, Region};
 pub use model::Model;
 pub use profile::Profile;
 pub use skeleton::{Bone, Skeleton};
+pub use support::{Constraint, Support};
 
 /// A whole scene.
 #[derive(Debug, Clone)]
@@ -274,6 +276,11 @@ pub struct Body {
     pub cores: Vec<Core>,
     /// Ball joints between cores.
     pub joints: Vec<Joint>,
+    /// Supports of a soft body, which hold nodes of its layer from outside.
+    pub supports: Vec<Support>,
+    /// Whether steps report what holds the body: force and torque of its fixed and driven cores and of its supports.
+    /// `None`: they do if the body has supports.
+    pub reactions: Option<bool>,
     /// Whether a faulty surface is repaired; otherwise it is refused.
     pub repair: bool,
     /// Skeleton: bones with their parents and joints; `None`: the body has no skeleton.
@@ -297,6 +304,8 @@ impl Body {
             collides: None,
             cores,
             joints: Vec::new(),
+            supports: Vec::new(),
+            reactions: None,
             repair: true,
             skeleton: None,
         }

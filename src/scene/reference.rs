@@ -43,9 +43,9 @@ const fn key(name: &'static str, value: &'static str, default: &'static str, mea
 }
 
 /// All tables, in the order in which the page `docs/reference/scene.md` lists them.
-pub const TABLES: [&TableKeys; 23] = [
-    &ROOT, &STEP, &SOLVER, &CONTACT, &BODY, &MODEL, &MESH, &LAYER, &MATERIAL, &REGION, &CORE, &HINGE, &BIND, &JOINT,
-    &TOOL, &COUPLING, &DRIVE, &HAPTICS, &HAND, &HAPLY, &PROBE, &SKELETON, &BONE,
+pub const TABLES: [&TableKeys; 24] = [
+    &ROOT, &STEP, &SOLVER, &CONTACT, &BODY, &MODEL, &MESH, &LAYER, &MATERIAL, &REGION, &CORE, &HINGE, &BIND, &SUPPORT,
+    &JOINT, &TOOL, &COUPLING, &DRIVE, &HAPTICS, &HAND, &HAPLY, &PROBE, &SKELETON, &BONE,
 ];
 
 /// The root of a scene file.
@@ -277,6 +277,18 @@ pub const BODY: TableKeys = TableKeys {
             "(none: a soft body is free)",
             "Rigid parts of a soft body, with the nodes that are attached to them.",
         ),
+        key(
+            "support",
+            "array of tables",
+            "(none)",
+            "Nodes of a soft body that may move only along a plane or a line, or not at all.",
+        ),
+        key(
+            "reactions",
+            "true or false",
+            "(true if it has supports)",
+            "Whether the trace has force and torque of each support, and of each fixed or driven core.",
+        ),
         key("joint", "array of tables", "(none)", "Ball joints between cores."),
         key("skeleton", "`\"FILE.toml\"`", "(none)", "Bones: each becomes a core."),
         key("bones", "`\"fixed\"` or `\"dynamic\"`", "\"fixed\"", "Motion of the bones that no `[[body.core]]` names."),
@@ -455,13 +467,28 @@ pub const HINGE: TableKeys = TableKeys {
 /// Keys of `bind = { .. }`.
 pub const BIND: TableKeys = TableKeys {
     heading: "bind = { .. }",
-    meaning: "The nodes that are attached to a core.",
+    meaning: "The nodes that are attached to a core, or that a support holds.",
     keys: &[
         key("inset", "in the file's units, >= 0", ONE_OF, "Nodes that lie at least so deep below the surface."),
         key("box", "[[x, y, z], [x, y, z]], in the file's units", ONE_OF, "Nodes in a box."),
         key("sphere", "[x, y, z, r], in the file's units", ONE_OF, "Nodes in a sphere."),
         key("nodes", "array of numbers", ONE_OF, "Nodes by their number in the layer's file, from 0."),
         key("all", "true", ONE_OF, "All nodes."),
+    ],
+};
+
+/// Keys of `[[body.support]]`.
+pub const SUPPORT: TableKeys = TableKeys {
+    heading: "[[body.support]]",
+    meaning: "Nodes of a soft body that are held from outside. Directions are those of the body's file; planes and \
+             lines stay where they are in the world, through each node's place at rest. Several supports may hold a \
+             node; one that is attached to a core follows the core.",
+    keys: &[
+        key("name", "a name", REQUIRED, "Name of the support, unique among the body's cores and supports."),
+        key("plane", "[nx, ny, nz]", ONE_OF, "Normal of the planes in which the nodes may move: rollers, symmetry."),
+        key("axis", "[x, y, z]", ONE_OF, "Direction of the lines along which the nodes may move."),
+        key("point", "true", ONE_OF, "The nodes do not move."),
+        key("bind", "table", REQUIRED, "Which nodes are held."),
     ],
 };
 
@@ -709,7 +736,7 @@ mod tests {
 
     /// For each tested table the scenes that test its keys, in which `@` stands where a key is put in; a table may have
     /// several scenes, since some keys exclude each other. After another key of an inline table the mark is `, @`.
-    const SCENES: [(&TableKeys, &[&str]); 13] = [
+    const SCENES: [(&TableKeys, &[&str]); 14] = [
         (&STEP, &["[step]\n@"]),
         (&SOLVER, &["[solver]\n@"]),
         (&CONTACT, &["[contact]\n@"]),
@@ -740,6 +767,12 @@ mod tests {
             &["[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
               material = { young = 1, poisson = 0, density = 1 }\n\
               [[body.core]]\nname = \"c\"\nbind = { all = true }\n@"],
+        ),
+        (
+            &SUPPORT,
+            &["[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
+              material = { young = 1, poisson = 0, density = 1 }\n\
+              [[body.support]]\nname = \"c\"\npoint = true\nbind = { all = true }\n@"],
         ),
         (
             &JOINT,

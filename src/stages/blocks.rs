@@ -5,7 +5,6 @@
 //! block of free nodes is an *aggregate* of this space. A *mode* is one of a block's motions in the coarse space: free
 //! nodes have twelve affine motions, and nodes attached to a core have six rigid motions (see `coarse.rs`).
 
-use crate::shaders;
 use std::ops::Range;
 
 use faer::{Mat, Side};
@@ -61,8 +60,7 @@ impl Model {
     pub(super) fn add_blocks(&mut self, aggregates: impl Fn(usize) -> Option<usize>) {
         let mut blocks = Blocks::default();
         for (index, soft) in self.soft.iter().enumerate() {
-            let free: Vec<u32> =
-                soft.nodes.clone().filter(|n| self.node_info[*n][3] == shaders::NODE_FREE).map(|n| n as u32).collect();
+            let free: Vec<u32> = soft.nodes.clone().filter(|n| self.has_equation(*n)).map(|n| n as u32).collect();
             for part in self.parts_of(free, aggregates(index)) {
                 blocks.push(self, &part, NONE);
             }

@@ -31,6 +31,7 @@ pub mod pose;
 pub mod samples;
 pub mod skin;
 pub mod solve;
+pub mod supports;
 pub mod tips;
 pub mod touch;
 pub mod wrench;
@@ -128,7 +129,12 @@ pub fn needs(scene: &Scene, model: &Model, depth: Option<String>) -> Vec<StageNe
     add("solve", true, solve, "");
     let wrench = touches && scene.tool.is_some();
     add("wrench", wrench, "net wrench on the tool".into(), if scene.tool.is_some() { nothing } else { "no tool" });
-    add("fit", floating > 0, format!("{floating} soft bodies without a core"), "every soft body has a core");
+    add(
+        "fit",
+        floating > 0,
+        format!("{floating} soft bodies without a core"),
+        "every soft body has a core or supports",
+    );
     add("probe", !scene.probes.is_empty(), format!("{} vertices", scene.probes.len()), "no probes");
     entries
 }
@@ -183,6 +189,11 @@ impl Common {
 /// An array in GPU memory with these contents.
 fn upload<T: Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buffer> {
     Buffer::from_slice(context, name, data, Memory::Device)
+}
+
+/// An array in GPU memory with these contents, or, where there are none, a single zero that no kernel reads.
+fn upload_or_nothing<T: Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buffer> {
+    if data.is_empty() { zeros::<T>(context, name, 1) } else { upload(context, name, data) }
 }
 
 /// An array in GPU memory of `count` elements, uninitialised.

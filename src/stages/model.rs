@@ -21,6 +21,7 @@ use super::gap;
 use super::joints::Joint;
 use super::layers::OF_PATCH;
 use super::mean_dilatation::Patches;
+use super::supports::Held;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
 use crate::scene::{Operator, Samples, Scene, Sides};
@@ -158,6 +159,8 @@ pub struct Model {
     /// The entries of `element_forces` (the elastic stage's array of forces that elements exert on nodes) that add up
     /// at each node, node by node, four per texel.
     pub node_elements: Vec<[u32; 4]>,
+    /// What holds the soft bodies: supports, and the cores whose reactions are reported.
+    pub held: Held,
     /// Per node: velocity at the start, world axes, m/s.
     pub velocity: Vec<[f32; 4]>,
     /// Per tetrahedron: its four nodes.
@@ -298,7 +301,7 @@ impl Model {
     fn add_body(&mut self, index: usize, body: &Body, is_tool: bool) {
         match &body.shape {
             Shape::Plane { .. } => self.body_frames.push(NONE),
-            Shape::Soft { layer, frames, node_frames, joints, materials, embedding, skin, proxies } => {
+            Shape::Soft { layer, frames, node_frames, supports, joints, materials, embedding, skin, proxies } => {
                 let frame_first = self.frames.len();
                 self.body_frames.push(frame_first as u32);
                 for frame in frames {
@@ -306,6 +309,7 @@ impl Model {
                 }
                 let node_first = self.node_rest.len();
                 self.add_layer(layer, node_frames, materials, frame_first, body.velocity);
+                self.add_supports(&body.name, body.orientation, supports, node_first);
                 self.add_joints(joints, frame_first);
                 let nodes = node_first..self.node_rest.len();
                 if let FrameMotion::Floating { .. } = frames[0].motion {

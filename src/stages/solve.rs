@@ -17,7 +17,8 @@ use std::sync::Arc;
 use super::contact::Touch;
 use super::edges::Edges;
 use super::model::Model;
-use super::{array, count, gap, upload, zeros};
+use super::supports::SupportArrays;
+use super::{array, count, gap, upload, upload_or_nothing, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Size};
 
@@ -45,6 +46,8 @@ pub struct Solve {
     commit: Kernel,
     /// The contact arrays, where there can be contacts.
     touch: Option<Touch>,
+    /// The arrays of supports, where supports hold nodes or reactions are reported.
+    pub supports: Option<SupportArrays>,
     block_count: u32,
     rigid_count: usize,
     core_count: usize,
@@ -85,7 +88,8 @@ pub struct Solve {
     pub(super) rhs: Buffer,
     carried_residual: Buffer,
     inverse: Buffer,
-    /// Per node two vec4: its diagonal block of A without the contacts' part; empty without a coarse space or contacts.
+    /// Per node two vec4: its diagonal block of A without the contacts' part; empty without a coarse space, or without
+    /// contacts and supports.
     blocks_without_contacts: Buffer,
     /// Change of velocity of the nodes; the next step's iterations start from it and from the trend.
     pub solution: Buffer,
@@ -201,6 +205,9 @@ impl Solve {
         let nodes_c = ("NODES", count(nodes));
         let tetrahedra_c = ("TETRAHEDRA", count(tetrahedra));
         let contact = ("CONTACT", Const::Bool(touch.is_some()));
+        let supports = SupportArrays::new(context, model)?;
+        let is_supported = supports.is_some();
+        let supported = ("SUPPORTS", Const::Bool(is_supported));
         let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
         let tool = ("TOOL", Const::Bool(has_tool));
         let held = ("TOOL_CORE", Const::Uint(model.tool_core.map_or(shaders::NONE, |core| core as u32)));
@@ -242,7 +249,18 @@ impl Solve {
         let gather = |mode: u32| {
             variants(
                 "solve/gather",
-                &[blocks, contact, friction, coarse, rigids, joints, held, ("MODE", mode.into()), is_assembled],
+                &[
+                    blocks,
+                    contact,
+                    friction,
+                    coarse,
+                    rigids,
+                    joints,
+                    held,
+                    supported,
+                    ("MODE", mode.into()),
+                    is_assembled,
+                ],
             )
         };
         let patch_count = model.patches.count();
@@ -264,7 +282,16 @@ impl Solve {
         Ok(Solve {
             assemble: reduce(
                 "solve/assemble",
-                &[contact, friction, coarse, joints, held, tetrahedra_c, ("PATCHES", (patch_count > 0).into())],
+                &[
+                    contact,
+                    friction,
+                    coarse,
+                    joints,
+                    held,
+                    supported,
+                    tetrahedra_c,
+                    ("PATCHES", (patch_count > 0).into()),
+                ],
             )?,
             operator,
             contact_product: Kernel::new(context, "solve/contact_product", Size::Group, &[friction, tool, rigids])?,
@@ -290,8 +317,11 @@ impl Solve {
                     patches_c,
                 ],
             )?,
-            first_iterate: reduce("solve/first_iterate", &[contact, coarse])?,
-            update: variants("solve/update", &[contact, blocks, coarse, partials, rigids, ("WIDEST", count(widest))])?,
+            first_iterate: reduce("solve/first_iterate", &[contact, coarse, supported])?,
+            update: variants(
+                "solve/update",
+                &[contact, blocks, coarse, supported, partials, rigids, ("WIDEST", count(widest))],
+            )?,
             conclude: reduce(
                 "solve/conclude",
                 &[nodes_c, contact, tool, coarse, blocks, rigids, group, ("SKIN_PARTS", count(gap::part_count(model)))],
@@ -300,9 +330,10 @@ impl Solve {
                 context,
                 "solve/commit",
                 Size::Group,
-                &[nodes_c, rigids, ("NEWTON", Const::Bool(model.newton > 1))],
+                &[nodes_c, rigids, supported, ("NEWTON", Const::Bool(model.newton > 1))],
             )?,
             touch: touch.cloned(),
+            supports,
             block_count: block_count as u32,
             rigid_count,
             core_count: model.cores.len(),
@@ -337,7 +368,7 @@ impl Solve {
             blocks_without_contacts: array::<[f32; 4]>(
                 context,
                 "blocks_without_contacts",
-                if is_coarse && touch.is_some() { 2 * nodes } else { 0 },
+                if is_coarse && (touch.is_some() || is_supported) { 2 * nodes } else { 0 },
             )?,
             solution: vector("solution")?.known_as(&["solution", "change"]),
             residual: both(&["residual", "residual_or_rhs"], &["next_residual"])?,
@@ -441,9 +472,4 @@ fn sides_of(model: &Model) -> Vec<Vec<u32>> {
         }
     }
     sides
-}
-
-/// An array in GPU memory with these contents, or, where there are none, a single zero that no kernel reads.
-fn upload_or_nothing<T: bytemuck::Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buffer> {
-    if data.is_empty() { zeros::<T>(context, name, 1) } else { upload(context, name, data) }
 }

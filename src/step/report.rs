@@ -4,6 +4,7 @@
 
 use glam::{DQuat, DVec3};
 
+use super::Wrench;
 use crate::stages::Flags;
 
 /// Results of one step.
@@ -42,6 +43,11 @@ pub struct StepReport {
     pub work: StepWork,
     /// World positions of the probes, m, in the order in which the scene lists them.
     pub probes: Vec<DVec3>,
+    /// Reactions: the force (N) and the torque about the world's origin (N m) by which each support, and each fixed or
+    /// driven core, acts on its soft body; world axes, in the order of [`crate::Simulation::reaction_names`]. Torques are
+    /// those of forces at the places of the nodes at the start of the step. The inertia of nodes attached to a driven
+    /// core is not part of it, their weight is. Of a step in parts, the reactions in the last part.
+    pub reactions: Vec<Wrench>,
 }
 
 /// What a step asked of the GPU, in all attempts at it.

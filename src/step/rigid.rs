@@ -35,7 +35,7 @@ impl RigidState {
 pub struct Wrench {
     /// Force, N.
     pub force: DVec3,
-    /// Torque, N m, about the position of the object that it acts on.
+    /// Torque, N m, about the position of the object that it acts on, or about a point that is named.
     pub torque: DVec3,
 }
 

@@ -104,6 +104,7 @@ impl Simulation {
         places.for_each(|([x, y, z, _], [.., frame, held])| {
             hash.update(bytemuck::bytes_of(&[x.to_bits(), y.to_bits(), z.to_bits(), *frame, *held]));
         });
+        hash.update(bytemuck::cast_slice(&model.held.nodes));
         hash.update(bytemuck::cast_slice(&model.proxy_pairs));
         let tested: Vec<u32> = model.pairs.iter().flat_map(|pair| [pair.lone_side, pair.by_triangles]).collect();
         hash.update(bytemuck::cast_slice(&tested));

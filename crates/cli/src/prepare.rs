@@ -190,6 +190,8 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
         collides: None,
         cores: Vec::new(),
         joints: Vec::new(),
+        supports: Vec::new(),
+        reactions: None,
         skeleton: None,
     };
     Ok(Scene::of_body(&arguments.surface, body))

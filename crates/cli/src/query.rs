@@ -181,6 +181,8 @@ impl Part {
             cores: Vec::new(),
             repair: true,
             joints: Vec::new(),
+            supports: Vec::new(),
+            reactions: None,
             skeleton: None,
         };
         let scene = Scene::of_body(text, body);

@@ -2,7 +2,7 @@
 //! material changes) for the solver's preconditioner (see `coarse.rs`). A is the matrix of implicit Euler with step h =
 //! `dt`, (1 + h alpha) M + (h^2 + h beta) K, with mass matrix M, stiffness matrix K, and the coefficients alpha and
 //! beta of mass- and stiffness-proportional damping. P maps the motions (modes) of blocks of nodes to node velocities:
-//! a block of free nodes moves by affine functions, and the nodes attached to a core, a rigid body inside the soft one,
+//! a block of free nodes moves by affine functions (as far as supports let it), and the nodes attached to a core, a rigid body inside the soft one,
 //! by the core's twist (linear and angular velocity).
 
 use std::collections::BTreeMap;
@@ -13,6 +13,9 @@ use glam::{DMat3, DVec3};
 use super::super::model::{Core, Model, SoftRange};
 use super::BLOCK_UNKNOWNS;
 use crate::shaders::NONE;
+
+/// Stiffness that is given to a node along the directions in which supports hold it, as a share of the mean of its own.
+const FILL: f64 = 0.01;
 
 impl Model {
     /// P^T A P of these blocks at rest, without contact and without the limits of joints; hinged cores are treated as
@@ -27,6 +30,7 @@ impl Model {
             }
         }
         let mut matrix = self.restricted(soft, &bases, BLOCK_UNKNOWNS * blocks.len(), dt);
+        self.fill_supported(&mut matrix, soft, &bases, dt);
         // All blocks of a core move with the core's twist, so it suffices to add a joint's springs to the modes of the
         // core's first block.
         let first_unknown = |core: usize| {
@@ -35,6 +39,29 @@ impl Model {
         };
         self.add_springs(&mut matrix, dt, first_unknown);
         matrix
+    }
+
+    /// Adds a little stiffness to the motions of blocks along which supports hold nodes (see [`FILL`]), so that the matrix
+    /// can be inverted where a block has no other nodes.
+    fn fill_supported(&self, matrix: &mut Mat<f64>, soft: &SoftRange, bases: &[Option<(usize, Basis)>], dt: f64) {
+        if self.held.nodes.is_empty() {
+            return;
+        }
+        let mut stiffness: Vec<f64> = soft.nodes.clone().map(|n| self.inertia(n, dt)).collect();
+        for t in self.tetrahedra_of(soft) {
+            let [mu, lambda, beta] = self.material_of(t);
+            let factor = (dt * dt + dt * beta) * self.volume(t) * (4.0 * mu + lambda) / 3.0;
+            for (i, g) in self.tetrahedra[t].iter().zip(self.gradients_of(t)) {
+                stiffness[*i as usize - soft.nodes.start] += factor * g.length_squared();
+            }
+        }
+        for (basis, stiffness) in bases.iter().zip(stiffness) {
+            if let Some((at, Basis::Supported(weights, projection))) = basis {
+                let basis = Basis::Affine(*weights);
+                let block = (DMat3::IDENTITY - *projection) * (FILL * stiffness);
+                add_product(matrix, (*at, &basis), (*at, &basis), &block);
+            }
+        }
     }
 
     /// A at rest, without contact and joints, restricted to the twist of a core in the axes of its rigid coordinate
@@ -122,6 +149,8 @@ enum Basis {
     /// modes of its block; (x, y, z) is the node's place relative to the mean of the block's nodes, divided by the
     /// block's size.
     Affine([f64; 4]),
+    /// The same weights for a free node that supports hold, and the projection onto what they leave to it.
+    Supported([f64; 4], DMat3),
     /// The matrix that maps w to the cross product w x r in the velocity v + w x r of a node attached to a core, where
     /// v and w are the core's linear and angular velocity and r is the node's place relative to the frame's centre.
     Twist(DMat3),
@@ -130,7 +159,11 @@ enum Basis {
 impl Basis {
     fn new(model: &Model, block: usize, node: u32, rigid: u32) -> Basis {
         if rigid == NONE {
-            return Basis::Affine(model.affine_weights(block, node));
+            let weights = model.affine_weights(block, node);
+            return match model.projection_of(node as usize) {
+                Some(projection) => Basis::Supported(weights, projection),
+                None => Basis::Affine(weights),
+            };
         }
         Basis::twist(model, node)
     }
@@ -144,6 +177,7 @@ impl Basis {
     fn matrices(&self) -> Vec<DMat3> {
         match self {
             Basis::Affine(weights) => weights.iter().map(|w| DMat3::from_diagonal(DVec3::splat(*w))).collect(),
+            Basis::Supported(weights, projection) => weights.iter().map(|w| *projection * *w).collect(),
             Basis::Twist(angular) => vec![DMat3::IDENTITY, *angular],
         }
     }

@@ -113,6 +113,8 @@ impl Solve {
                 coarse_scales: Some(&self.coarse_scales),
                 joints: Some(&common.joints),
                 joint_sides: Some(&self.joint_sides),
+                node_supports: self.supports.as_ref().map(|supports| &supports.nodes),
+                held_rhs: self.supports.as_ref().map(|supports| &supports.held_rhs),
             },
             self.block_count,
         );
@@ -269,6 +271,9 @@ impl Solve {
             },
             1,
         );
+        if let Some(supports) = &self.supports {
+            supports.record(recorder, common, elastic);
+        }
         let arguments = shaders::solve::Commit {
             params: &common.params,
             frames: &common.frames,
@@ -284,6 +289,7 @@ impl Solve {
             displacement: &elastic.displacement,
             trend: &self.trend.nodes,
             carried_residual: &self.carried_residual,
+            node_supports: self.supports.as_ref().map(|supports| &supports.nodes),
         };
         recorder.dispatch_indirect(&self.commit, &arguments, &common.args, shaders::ARGS_COMMIT);
     }
@@ -484,6 +490,9 @@ impl Solve {
             coarse_scales: Some(&self.coarse_scales),
             joints: Some(&common.joints),
             joint_sides: Some(&self.joint_sides),
+            node_supports: self.supports.as_ref().map(|supports| &supports.nodes),
+            held_rhs: self.supports.as_ref().map(|supports| &supports.held_rhs),
+            holding_impulses: self.supports.as_ref().map(|supports| &supports.impulses),
         };
         recorder.together(|recorder| {
             for Variant { kernel, groups, args_index } in kernels {

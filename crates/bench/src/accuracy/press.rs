@@ -129,6 +129,8 @@ impl Press {
             dilatation: Dilatation::Element,
             repair: true,
             joints: Vec::new(),
+            supports: Vec::new(),
+            reactions: None,
             skeleton: None,
         }
     }

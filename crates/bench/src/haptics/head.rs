@@ -45,6 +45,8 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
         dilatation: Dilatation::Element,
         repair: true,
         joints: Vec::new(),
+        supports: Vec::new(),
+        reactions: None,
         skeleton: None,
     };
     let tool = Tool {

@@ -128,6 +128,8 @@ impl Mesh {
             dilatation: scene::Dilatation::Element,
             repair: true,
             joints: Vec::new(),
+            supports: Vec::new(),
+            reactions: None,
             skeleton: None,
         };
         Scene::of_body(self.name(), body)

@@ -228,6 +228,8 @@ impl Setup {
             dilatation: Dilatation::Element,
             repair: true,
             joints: Vec::new(),
+            supports: Vec::new(),
+            reactions: None,
             skeleton: None,
         }
     }

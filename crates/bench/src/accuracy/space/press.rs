@@ -174,6 +174,8 @@ impl Press {
             dilatation: self.dilatation,
             repair: true,
             joints: Vec::new(),
+            supports: Vec::new(),
+            reactions: None,
             skeleton: None,
         }
     }
