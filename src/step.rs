@@ -114,6 +114,7 @@ pub struct Simulation {
     /// Greatest force of the virtual coupling's spring, N.
     max_force: f64,
     last_wrench: Option<ContactWrench>,
+    last_reactions: Vec<Wrench>,
     last_iterations: u32,
     /// What the last steps needed, from which the next step's plan follows.
     needs: plans::Needs,
@@ -209,11 +210,12 @@ impl Simulation {
         // A frozen step, in which no attempt succeeded, leaves the forces of a solve that was not accepted.
         self.is_solved = !Flags(report.flags).contains(Flags::FROZEN);
         let device = self.trajectory.device(time, h);
-        let (probes, reactions) = (self.read_probes()?, self.read_reactions(&report)?);
+        let probes = self.read_probes()?;
+        self.last_reactions = self.read_reactions(&report)?;
         let friction = self.scene.contact.friction;
         self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report, friction));
         self.add_gap(&report)?;
-        Ok(StepReport { reactions, ..self.row(&report, time, &device, probes, begun) })
+        Ok(self.row(&report, time, &device, probes, begun))
     }
 
     /// The scene that is simulated, with the changes made since it was opened.
@@ -496,7 +498,7 @@ impl Simulation {
             step_us: begun.elapsed().as_secs_f64() * 1e6,
             work: self.last_work,
             probes,
-            reactions: Vec::new(),
+            reactions: self.last_reactions.clone(),
         }
     }
 }

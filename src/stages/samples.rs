@@ -146,6 +146,7 @@ mod tests {
                 layer: Default::default(),
                 frames: vec![],
                 node_frames: vec![],
+                supports: Default::default(),
                 joints: vec![],
                 materials: prepare::Materials { all: vec![], which: vec![] },
                 embedding: vec![],

@@ -179,6 +179,7 @@ impl Prepared {
             tool_core_mass,
             max_force: f64::INFINITY,
             last_wrench: None,
+            last_reactions: Vec::new(),
             last_iterations: 0,
             needs: Default::default(),
             last_work: StepWork::default(),

@@ -15,6 +15,12 @@ impl Simulation {
         self.model.held.holders.iter().map(|holder| holder.name.as_str())
     }
 
+    /// The reactions of the last step, see [`crate::StepReport::reactions`]; empty before the first step, and after a
+    /// state was restored.
+    pub fn reactions(&self) -> &[Wrench] {
+        &self.last_reactions
+    }
+
     /// The reactions of the last attempt at the step that `report` is of. They are zero where the step failed.
     pub(super) fn read_reactions(&self, report: &Report) -> Result<Vec<Wrench>> {
         let Some(supports) = &self.stages.solve.supports else { return Ok(Vec::new()) };

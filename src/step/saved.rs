@@ -85,6 +85,7 @@ impl Simulation {
         self.trajectory = state.trajectory;
         self.frames.restore(&state.frames);
         self.tool_end = None;
+        self.last_reactions.clear();
         (self.last_wrench, self.last_iterations) = (state.wrench, state.iterations);
         self.needs = Needs::default();
         self.needs.note(state.iterations + 1);

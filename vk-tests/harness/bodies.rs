@@ -124,7 +124,9 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     let skin = skin::build(mesh.0, mesh.1);
     let proxies = cut(&skin);
     let (frames, node_frames) = (vec![crate::solver::system::middle(&layer)], vec![0; layer.nodes.len()]);
-    let shape = Shape::Soft { layer, frames, node_frames, joints: vec![], materials, embedding, skin, proxies };
+    let supports = Default::default();
+    let shape =
+        Shape::Soft { layer, frames, node_frames, supports, joints: vec![], materials, embedding, skin, proxies };
     Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
 }
 

@@ -96,7 +96,18 @@ pub fn layered(layer: Layer, material: impl Into<Materials>, orientation: DQuat)
     let (skin, proxies) = (Skin::default(), vec![]);
     let (frames, node_frames) = (vec![middle(&layer)], vec![0; layer.nodes.len()]);
     let materials = material.into();
-    let shape = Shape::Soft { layer, frames, node_frames, joints: vec![], materials, embedding: vec![], skin, proxies };
+    let supports = Default::default();
+    let shape = Shape::Soft {
+        layer,
+        frames,
+        node_frames,
+        supports,
+        joints: vec![],
+        materials,
+        embedding: vec![],
+        skin,
+        proxies,
+    };
     Body {
         name: "layer".into(),
         shape,

@@ -2,16 +2,16 @@
 //! steps, and read its results. The tool is the rigid body that the haptic device leads; the wrench, which a step
 //! gives, is the contact force and torque on the tool.
 
-use std::ffi::c_void;
+use std::ffi::{c_char, c_void};
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use palpate::internal::gpu::watched;
 use palpate::internal::prepare::Cache;
-use palpate::{Pose, Simulation, StepReport};
+use palpate::{Pose, Simulation, StepReport, Wrench};
 
 use super::build::{palpate_progress, tell, tell_of_kernels};
-use super::context::{opened, palpate_context};
+use super::context::{opened, palpate_context, room};
 use super::handles::{self, Handled};
 use super::scene::{SceneObject, palpate_scene};
 use super::sized::{self, Field, Sized32, fields};
@@ -308,6 +308,47 @@ pub unsafe extern "C" fn palpate_nodes(
             let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             unsafe { sized::copy(&all, positions, capacity, "positions") }
+        })
+    })
+}
+
+/// Force and torque by which a support, or a fixed or driven core, acts on its soft body.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct palpate_reaction {
+    /// Names of the body and of the support or core, with a dot between them.
+    pub name: [c_char; 208],
+    /// Force, world axes, N.
+    pub force: [f64; 3],
+    /// Torque about the world's origin, N m.
+    pub torque: [f64; 3],
+}
+
+/// Lists the reactions of the last step: of each fixed or driven core, and then each support, of each body whose scene
+/// asks for them; none before the first step, and after a state was restored. `count` receives their number;
+/// `reactions` has room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are
+/// more reactions than `capacity`, and none was written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_reactions(
+    simulation: *mut palpate_simulation,
+    reactions: *mut palpate_reaction,
+    capacity: usize,
+    count: *mut usize,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+        let count = unsafe { sized::answer(count, "count")? };
+        handles::with(simulation as usize, |object: &mut SimulationObject| {
+            let simulation = &object.simulation;
+            let reaction = |(name, wrench): (&str, &Wrench)| palpate_reaction {
+                name: room(name),
+                force: wrench.force.to_array(),
+                torque: wrench.torque.to_array(),
+            };
+            let all: Vec<_> = simulation.reaction_names().zip(simulation.reactions()).map(reaction).collect();
+            *count = all.len();
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+            if capacity == 0 { Ok(()) } else { unsafe { sized::copy(&all, reactions, capacity, "reactions") } }
         })
     })
 }

@@ -19,7 +19,7 @@ use crate::report::felt::{self, Distance};
 use crate::report::haptics::Closing;
 use crate::report::page::{Page, Session, Shot};
 use crate::report::summary::{ClosingTable, RaisedFlags};
-use crate::report::{self, Output, Summary, Tally, Trace, curves};
+use crate::report::{self, Names, Output, Summary, Tally, Trace, curves};
 use crate::signals::Stop;
 use crate::{ending, hold, print, tell};
 
@@ -310,11 +310,11 @@ fn simulate(
     arguments: &Arguments,
     mut output: Option<&mut Output>,
 ) -> Result<Done> {
-    let probes: Vec<String> = scene.probes.iter().map(|probe| probe.name.clone()).collect();
+    let names = Names::of(engine.simulation());
     let file = output.as_ref().map(|output| output.path(TRACE)).unwrap_or_default();
     let failed = |source| Error::Output { file: file.clone(), source };
     let mut trace = match &mut output {
-        Some(output) => Some(Trace::new(output.file(TRACE)?, &probes).map_err(failed)?),
+        Some(output) => Some(Trace::new(output.file(TRACE)?, &names).map_err(failed)?),
         None => None,
     };
     let bar = progress(extent);

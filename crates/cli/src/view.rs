@@ -25,7 +25,7 @@ use palpate_devices::mouse::Goal;
 use palpate_view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
 use winit::event_loop::EventLoop;
 
-use crate::report::{Output, Trace};
+use crate::report::{Names, Output, Trace};
 use crate::signals::Stop;
 use crate::{hold, tell};
 use app::App;
@@ -182,11 +182,10 @@ struct Shared {
 
 impl Shared {
     fn new(output: Option<&mut Output>, simulation: &Simulation) -> Result<Shared> {
-        let probes: Vec<String> = simulation.scene().probes.iter().map(|probe| probe.name.clone()).collect();
         let (mut trace, mut file) = (None, PathBuf::new());
         if let Some(output) = output {
             file = output.path(TRACE);
-            let made = Trace::new(output.file(TRACE)?, &probes);
+            let made = Trace::new(output.file(TRACE)?, &Names::of(simulation));
             trace = Some(made.map_err(|source| Error::Output { file: file.clone(), source })?);
         }
         Ok(Shared { trace: Arc::new(Mutex::new(trace)), file })

@@ -22,7 +22,7 @@ use crate::scene::Scene;
 use crate::skins::{SkinCopies, view};
 
 /// A step's report as Python unpacks it: step, time, the tool (force, torque, its pose, the device's pose), contacts,
-/// greatest depth, iterations, residual, flags, step_us, probes, and the work (solves, submits, planned iterations,
+/// greatest depth, iterations, residual, flags, step_us, probes, reactions (name, force, torque), and the work (solves, submits, planned iterations,
 /// dependent passes).
 type PlainReport = (
     u64,
@@ -35,6 +35,7 @@ type PlainReport = (
     u32,
     f64,
     Vec<[f64; 3]>,
+    Vec<(String, [f64; 3], [f64; 3])>,
     (u32, u32, u32, u32),
 );
 
@@ -141,11 +142,13 @@ impl Simulation {
     /// Simulates a step; the haptic device moves to `target`, or follows the scene's keys.
     fn step(&self, py: Python<'_>, target: Option<PlainPose>) -> PyResult<PlainReport> {
         let target = target.map(pose).transpose()?;
-        let report = self.with(py, |state| match target {
-            Some(target) => state.simulation.step_at(target),
-            None => state.simulation.step(),
-        })?;
-        Ok(plain_report(&report))
+        self.with(py, |State { simulation, .. }| {
+            let report = match target {
+                Some(target) => simulation.step_at(target),
+                None => simulation.step(),
+            }?;
+            Ok(plain_report(&report, simulation.reaction_names()))
+        })
     }
 
     #[getter]
@@ -312,7 +315,7 @@ impl Simulation {
     }
 }
 
-fn plain_report(report: &StepReport) -> PlainReport {
+fn plain_report<'a>(report: &StepReport, names: impl Iterator<Item = &'a str>) -> PlainReport {
     let tool = report
         .tool
         .as_ref()
@@ -329,6 +332,7 @@ fn plain_report(report: &StepReport) -> PlainReport {
         report.flags.0,
         report.step_us,
         report.probes.iter().map(|probe| probe.to_array()).collect(),
+        names.zip(&report.reactions).map(|(name, w)| (name.into(), w.force.to_array(), w.torque.to_array())).collect(),
         (work.solves, work.submits, work.planned_iterations, work.dependent_passes),
     )
 }

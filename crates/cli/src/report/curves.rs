@@ -59,13 +59,13 @@ pub fn read(trace: impl Read, touch: Option<&Touch>) -> Result<Curves, csv::Erro
 mod tests {
     use palpate::{Pose, StepReport, ToolReport};
 
-    use super::super::Trace;
+    use super::super::{Names, Trace};
     use super::*;
 
     #[test]
     fn what_a_trace_says_is_what_is_drawn() {
         let (mut bytes, mut touch) = (Vec::new(), Touch::default());
-        let mut trace = Trace::new(&mut bytes, &["nose".into()]).unwrap();
+        let mut trace = Trace::new(&mut bytes, &Names { probes: vec!["nose".into()], ..Names::default() }).unwrap();
         for (k, (y, force)) in [(0.05, 0.0), (0.04, 1.0), (0.035, 3.0), (0.03, f64::NAN)].into_iter().enumerate() {
             let tool = Pose { position: DVec3::Y * y, ..Pose::default() };
             let tool = ToolReport { tool, force: DVec3::Y * force, ..ToolReport::default() };

@@ -17,4 +17,4 @@ pub mod trace;
 pub use output::Output;
 pub use query::QueryReport;
 pub use summary::{Facts, Plan, StageSamples, Summary, Tally};
-pub use trace::Trace;
+pub use trace::{Names, Trace};

@@ -2,12 +2,12 @@
 
 use std::io::Write;
 
-use palpate::{StepReport, StepWork};
+use palpate::{Simulation, StepReport, StepWork};
 
 const HEAD: &str = "step,time_s,tool_x,tool_y,tool_z,tool_qx,tool_qy,tool_qz,tool_qw,device_x,device_y,device_z,\
 device_qx,device_qy,device_qz,device_qw,force_x,force_y,force_z,torque_x,torque_y,torque_z,contacts,max_depth_m,\
 iterations,residual,flags,step_us";
-/// Columns after the probes: what the step asked of the GPU.
+/// Columns after the reactions: what the step asked of the GPU.
 const WORK: &str = ",solves,submits,planned_iterations,dependent_passes,gpu_us";
 /// Number of columns that a scene without a tool leaves empty: poses of tool and device, force and torque.
 const TOOL_COLUMNS: usize = 20;
@@ -17,23 +17,44 @@ const TOOL_COLUMNS: usize = 20;
 pub struct Trace<W: Write> {
     writer: W,
     probes: usize,
+    reactions: usize,
+}
+
+/// The names by which columns of a scene's own are called.
+#[derive(Debug, Clone, Default)]
+pub struct Names {
+    /// The scene's probes (points of skins, the bodies' surface meshes, whose paths are recorded).
+    pub probes: Vec<String>,
+    /// What holds the bodies whose reactions are reported: supports, and fixed and driven cores (rigid parts).
+    pub reactions: Vec<String>,
+}
+
+impl Names {
+    /// The names in a simulation.
+    pub fn of(simulation: &Simulation) -> Names {
+        let probes = simulation.scene().probes.iter().map(|probe| probe.name.clone()).collect();
+        Names { probes, reactions: simulation.reaction_names().map(Into::into).collect() }
+    }
 }
 
 impl<W: Write> Trace<W> {
-    /// Starts a trace and writes its heading; `probes` are the names of the scene's probes (points of
-    /// skins, the bodies' surface meshes, whose paths are recorded).
-    pub fn new(mut writer: W, probes: &[String]) -> std::io::Result<Self> {
+    /// Starts a trace and writes its heading.
+    pub fn new(mut writer: W, names: &Names) -> std::io::Result<Self> {
         write!(writer, "{HEAD}")?;
-        for name in probes {
+        for name in &names.probes {
             write!(writer, ",{name}_x,{name}_y,{name}_z")?;
         }
+        for name in &names.reactions {
+            write!(writer, ",{name}_fx,{name}_fy,{name}_fz,{name}_tx,{name}_ty,{name}_tz")?;
+        }
         writeln!(writer, "{WORK}")?;
-        Ok(Trace { writer, probes: probes.len() })
+        Ok(Trace { writer, probes: names.probes.len(), reactions: names.reactions.len() })
     }
 
-    /// Writes one row, which must hold as many probes as the heading.
+    /// Writes one row, which must hold as many probes and reactions as the heading.
     pub fn write(&mut self, row: &StepReport) -> std::io::Result<()> {
         assert_eq!(row.probes.len(), self.probes, "a row must have as many probes as the heading");
+        assert_eq!(row.reactions.len(), self.reactions, "a row must have as many reactions as the heading");
         let w = &mut self.writer;
         write!(w, "{},{:?}", row.step, row.time)?;
         match &row.tool {
@@ -52,6 +73,10 @@ impl<W: Write> Trace<W> {
         write!(w, ",{},{:?},{},{:.1}", row.iterations, row.residual, row.flags.0, row.step_us)?;
         for probe in &row.probes {
             write_numbers(w, &probe.to_array())?;
+        }
+        for reaction in &row.reactions {
+            write_numbers(w, &reaction.force.to_array())?;
+            write_numbers(w, &reaction.torque.to_array())?;
         }
         let StepWork { solves, submits, planned_iterations, dependent_passes, gpu_us } = row.work;
         let gpu_us = gpu_us.map(|us| format!("{us:.1}")).unwrap_or_default();
@@ -73,13 +98,14 @@ fn write_numbers(w: &mut impl Write, numbers: &[f64]) -> std::io::Result<()> {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use palpate::{Flags, ToolReport};
+    use palpate::{Flags, ToolReport, Wrench};
 
     use super::*;
 
-    fn lines(rows: &[StepReport], probes: &[String]) -> Vec<Vec<String>> {
+    fn lines(rows: &[StepReport]) -> Vec<Vec<String>> {
+        let names = Names { probes: vec!["nose".into()], reactions: vec!["face.jaw".into()] };
         let mut bytes = Vec::new();
-        let mut trace = Trace::new(&mut bytes, probes).unwrap();
+        let mut trace = Trace::new(&mut bytes, &names).unwrap();
         rows.iter().for_each(|row| trace.write(row).unwrap());
         trace.finish().unwrap();
         let text = String::from_utf8(bytes).unwrap();
@@ -108,12 +134,13 @@ mod tests {
                 gpu_us: Some(700.25),
             },
             probes: vec![DVec3::new(0.5, 0.25, 1e9)],
+            reactions: vec![Wrench { force: DVec3::new(1.0, -2.5, 3.0), torque: DVec3::new(4.0, 5.0, -6e-9) }],
         }
     }
 
     #[test]
     fn numbers_stand_under_their_heads_and_read_back_the_same() {
-        let table = lines(&[row()], &["nose".into()]);
+        let table = lines(&[row()]);
         let cell = |head: &str| table[1][table[0].iter().position(|name| name == head).unwrap()].as_str();
         assert_eq!(table[0].len(), table[1].len());
         assert_eq!((cell("step"), cell("contacts"), cell("flags"), cell("step_us")), ("7", "12", "129", "812.3"));
@@ -122,13 +149,14 @@ mod tests {
         assert_eq!(DVec3::new(number("force_x"), number("force_y"), number("force_z")), row.tool.unwrap().force);
         assert_eq!((number("tool_qw"), number("device_qw"), number("torque_z")), (1.0, 1.0, 0.0));
         assert_eq!((number("max_depth_m"), number("residual"), number("nose_z")), (1.5e-4, 3e-6, 1e9));
+        assert_eq!((number("face.jaw_fy"), number("face.jaw_tz")), (-2.5, -6e-9));
         let work = ["solves", "submits", "planned_iterations", "dependent_passes", "gpu_us"].map(cell);
         assert_eq!(work, ["2", "3", "16", "60", "700.2"]);
     }
 
     #[test]
     fn a_scene_without_a_tool_leaves_its_cells_empty() {
-        let table = lines(&[StepReport { tool: None, contacts: None, max_depth: None, ..row() }], &["nose".into()]);
+        let table = lines(&[StepReport { tool: None, contacts: None, max_depth: None, ..row() }]);
         assert_eq!(table[0].len(), table[1].len());
         for (head, cell) in table[0].iter().zip(&table[1]) {
             let is_of_tool = ["tool_", "device_", "force_", "torque_", "contacts", "max_depth"].iter();

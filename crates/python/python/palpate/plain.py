@@ -24,10 +24,11 @@ Report: TypeAlias = tuple[
     int,
     float,
     list[list[float]],
+    list[tuple[str, list[float], list[float]]],
     tuple[int, int, int, int],
 ]
 """Step, time, the tool (force, torque, its pose, the device's pose), contacts, greatest depth, iterations, residual, flags,
-microseconds, probes, and the work."""
+microseconds, probes, reactions (name, force, torque), and the work."""
 Tick: TypeAlias = tuple[float, ReadPose, ReadPose, list[float], list[float], list[float], float]
 """Time, poses of device and tool, force and torque played, contact force, and age of the newest wrench."""
 PlainSession: TypeAlias = tuple[int, int, float, float, str | None, list[str], str]

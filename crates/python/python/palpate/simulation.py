@@ -45,6 +45,15 @@ class Work(NamedTuple):
     """Passes that had to wait for an earlier one."""
 
 
+class Reaction(NamedTuple):
+    """Force and torque by which a support, or a fixed or driven core, acts on its body."""
+
+    force: Floats
+    """Force, world axes, N, shape (3,)."""
+    torque: Floats
+    """Torque about the world's origin, N m, shape (3,)."""
+
+
 @dataclass(frozen=True, slots=True)
 class StepReport:
     """What a step did, and the state at its end."""
@@ -75,6 +84,9 @@ class StepReport:
     """Wall time of the step, microseconds."""
     probes: Floats
     """World positions of the scene's probes, m, shape (P, 3)."""
+    reactions: dict[str, Reaction]
+    """What holds the bodies: of each fixed or driven core, and each support, of the bodies that report reactions, by
+    ``"BODY.NAME"``."""
     work: Work
     """What the step asked of the GPU."""
 
@@ -530,7 +542,7 @@ def _sample(tick: Tick) -> Sample:
 
 
 def _report(plain: Report) -> StepReport:
-    step, time, tool, contacts, depth, iterations, residual, flags, step_us, probes, work = plain
+    step, time, tool, contacts, depth, iterations, residual, flags, step_us, probes, reactions, work = plain
     force = torque = tool_pose = device_pose = None
     if tool is not None:
         force, torque = np.array(tool[0]), np.array(tool[1])
@@ -549,6 +561,7 @@ def _report(plain: Report) -> StepReport:
         flags=Flags(flags),
         step_us=step_us,
         probes=np.array(probes).reshape(-1, 3),
+        reactions={name: Reaction(np.array(force), np.array(torque)) for name, force, torque in reactions},
         work=Work(*work),
     )
 
