@@ -29,8 +29,8 @@ vec3 magnitudes_along_support(vec4 support, vec3 e) {
     return kind == SUPPORT_PLANE ? across + (1.0 - 2.0 * n * n) * e : across;
 }
 
-// Makes S A S of a node's diagonal block, with diagonal `a` and off-diagonal (xy xz yz) `c`. `fill`, in kg, is added along
-// the directions that the node does not have, so that the block can be inverted.
+// Makes S A S of a symmetric matrix of a node, with diagonal `a` and off-diagonal (xy xz yz) `c`. `fill` is added along the
+// directions that the node does not have, so that the matrix can be inverted.
 void restrict_block(vec4 support, float fill, inout vec3 a, inout vec3 c) {
     if (uint(support.w) == SUPPORT_NONE) return;
     mat3 block = mat3(a.x, c.x, c.y, c.x, a.y, c.z, c.y, c.z, a.z), s;

@@ -76,6 +76,9 @@ READ_ONLY(vec4, node_supports);
 layout(scalar) writeonly buffer HeldRhs { vec4 held_rhs[]; };        // what a node's supports take from its b
 
 const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (shared/preconditioner.glsl)
+// Share of the trace of D^-1 that takes the place of its entries along directions that supports take from a node; more
+// than zero, since solve/gather divides by entries of D^-1.
+const float LITTLE = 1.0e-6;
 const uint SUMS = 7;
 
 #include "shared/rotation.glsl"
@@ -171,9 +174,10 @@ void main() {
             }
         }
         vec3 without_contacts = a, without_contacts_off = c;
+        vec4 support = vec4(0.0);
         if (CONTACT) add_contacts(node.x, b, e, a, c);
         if (SUPPORTS) {
-            vec4 support = fetch(node_supports, i);
+            support = fetch(node_supports, i);
             vec3 along = along_support(support, b);
             held_rhs[i] = vec4(b - along, 0.0);
             b = along;
@@ -192,6 +196,9 @@ void main() {
         }
         vec3 diagonal, off;
         symmetric_inverse(a, c, diagonal, off);
+        // Rounding leaves a little of the residual where the node cannot move. It must not become motion: it does not
+        // shrink with the rest of the residual.
+        if (SUPPORTS) restrict_block(support, LITTLE * (diagonal.x + diagonal.y + diagonal.z), diagonal, off);
         vec3 z = symmetric_times(diagonal, off, b);
         sums.xy += vec2(dot(b, z), ROUNDING * dot(e, ROUNDING * e * diagonal));
         if (COARSE) {

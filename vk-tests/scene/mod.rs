@@ -21,5 +21,6 @@ pub mod replay;
 pub mod saved;
 pub mod shipped;
 pub mod spheres;
+mod supports;
 pub mod touch;
 pub mod whole_step;

@@ -42,8 +42,9 @@ pub fn run(simulation: &mut Simulation, steps: usize) -> Vec<StepReport> {
 /// A soft body as the oracle represents it, in the state in which the scene starts.
 pub fn soft_twin(simulation: &Simulation, body: usize) -> oracle::step::SoftBody {
     let body = &simulation.bodies()[body];
-    let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("{} is not soft", body.name) };
+    let Shape::Soft { layer, materials, supports, .. } = &body.shape else { panic!("{} is not soft", body.name) };
     oracle::step::SoftBody::new(layer.clone(), materials, body.position, body.orientation, body.velocity)
+        .supported(supports)
 }
 
 /// Length of the largest difference divided by the length of the largest wanted vector.

@@ -13,4 +13,5 @@ mod joints;
 mod operator;
 pub mod passes;
 pub mod start;
+mod supports;
 mod whole;

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DQuat, DVec3};
 use palpate::Scene;
 use palpate::internal::prepare::layer::kuhn_box;
+use palpate::internal::prepare::supports::{Freedom, Holder};
 use palpate::internal::prepare::{self, Body, FrameMotion, Layer, Materials, Shape, Skin};
 use palpate::internal::shaders::{Contact, Counts, Frame, GRADIENT_TEXELS, Link, NONE, StepParams};
 use palpate::internal::stages::model::Model;
@@ -197,12 +198,24 @@ impl System {
             let free = |info: &[u32; 4]| if info[3] == 0 { 1.0 } else { 0.0 };
             model.node_info.iter().map(|info| narrow(scale * free(info) * random.vector())).collect()
         };
-        let (displacement, velocity) = (field(amplitude, &mut random), field(0.1, &mut random));
+        let (mut displacement, mut velocity) = (field(amplitude, &mut random), field(0.1, &mut random));
+        for (body, range) in bodies.iter().zip(&model.soft) {
+            let Shape::Soft { supports, .. } = &body.shape else { continue };
+            let turn = DMat3::from_quat(body.orientation);
+            for (n, freedom) in range.nodes.clone().zip(&supports.freedom) {
+                let left = freedom.projection();
+                displacement[n] = narrow(left * wide(&displacement[n]));
+                velocity[n] = narrow(turn * left * turn.transpose() * wide(&velocity[n]));
+            }
+        }
         let gravity = DVec3::new(1.5, -9.75, 0.5);
         let mut twin = Simulation::new(f64::from(dt), gravity);
         for (body, range) in bodies.iter().zip(&model.soft) {
-            let Shape::Soft { layer, materials, .. } = &body.shape else { panic!("body {} is not soft", body.name) };
-            let mut soft = SoftBody::new(layer.clone(), materials, body.position, body.orientation, DVec3::ZERO);
+            let Shape::Soft { layer, materials, supports, .. } = &body.shape else {
+                panic!("body {} is not soft", body.name)
+            };
+            let soft = SoftBody::new(layer.clone(), materials, body.position, body.orientation, DVec3::ZERO);
+            let mut soft = soft.supported(supports);
             let own = range.nodes.clone();
             soft.displacement = displacement[own.clone()].iter().map(wide).collect();
             soft.velocity = velocity[own].iter().map(wide).collect();
@@ -525,6 +538,48 @@ pub fn two_layers() -> Vec<Body> {
         layered(layer(100), material(2e4), DQuat::from_scaled_axis(DVec3::new(0.4, 1.0, -0.3))),
         layered(second, material(2e5), DQuat::from_scaled_axis(DVec3::new(-2.0, 0.3, 0.8))),
     ]
+}
+
+/// The bodies of [`two_layers`] with supports: a third of the first body's nodes is left a plane, a line or nothing; two
+/// supports share some of these nodes, along directions that are not orthogonal. The forces that hold the attached nodes
+/// of the second body are reported.
+pub fn two_layers_supported() -> Vec<Body> {
+    let mut bodies = two_layers();
+    let (plane, other) = (DVec3::new(0.48, 0.6, 0.64), DVec3::new(0.0, 0.6, 0.8));
+    for (body, bodys) in bodies.iter_mut().enumerate() {
+        let Shape::Soft { layer, supports, .. } = &mut bodys.shape else { continue };
+        let count = layer.nodes.len();
+        supports.freedom = vec![Freedom::Free; count];
+        let mut holders = vec![Vec::new(); 3];
+        for n in 0..count {
+            let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
+            match (body, layer.attached[n], n % 12) {
+                (1, true, _) => {
+                    supports.freedom[n] = Freedom::Held;
+                    holders[0].push((n as u32, DMat3::IDENTITY));
+                }
+                (0, false, 1 | 7) => {
+                    supports.freedom[n] = Freedom::Plane(plane);
+                    holders[0].push((n as u32, outer(plane, plane)));
+                }
+                (0, false, 4) => {
+                    supports.freedom[n] = Freedom::Axis(plane.cross(other).normalize());
+                    // The force is f = c1 n1 + c2 n2, and the share of a support c1 n1: the dual of n1 gives c1.
+                    let duals = DMat3::from_cols(plane, other, plane.cross(other)).inverse().transpose();
+                    holders[0].push((n as u32, outer(plane, duals.x_axis)));
+                    holders[1].push((n as u32, outer(other, duals.y_axis)));
+                }
+                (0, false, 9) => {
+                    supports.freedom[n] = Freedom::Held;
+                    holders[2].push((n as u32, DMat3::IDENTITY));
+                }
+                _ => {}
+            }
+        }
+        let holders = holders.into_iter().enumerate().filter(|(_, nodes)| !nodes.is_empty());
+        supports.holders = holders.map(|(k, nodes)| Holder { name: format!("holder{k}"), nodes }).collect();
+    }
+    bodies
 }
 
 /// The first three numbers of each element.

@@ -21,7 +21,7 @@ const LIMIT: usize = 300;
 
 /// Compares the solution at the nodes of each body, and that of the tool, with a direct solution of the oracle's
 /// system.
-fn expect_direct(what: &str, passes: &Passes) {
+pub fn expect_direct(what: &str, passes: &Passes) {
     let s = &passes.system;
     let (a, b) = s.twin.assemble(s.device.as_ref(), &s.twin_contacts);
     let (nodes, tool) = s.rows(&Solver::default().solve(&a, &b).unwrap());

@@ -2,6 +2,7 @@
 //! f64 reference implementation, and quantities that follow from the state.
 
 use glam::{DMat3, DQuat, DVec3};
+use palpate::internal::prepare::supports::Supports;
 use palpate::internal::prepare::{Embedding, Layer, Materials, Skin};
 use palpate::scene::Coupling;
 
@@ -26,6 +27,9 @@ pub struct SoftBody {
     /// Velocity of each node, world axes, m/s. For a node attached to a core of prescribed motion it is the velocity
     /// over the next step, which the caller sets; it is zero where the core rests.
     pub velocity: Vec<DVec3>,
+    /// For each node the projection of its velocity onto what its supports leave to it, world axes; empty where no node is
+    /// supported.
+    pub supports: Vec<DMat3>,
     /// Rotation of each tetrahedron for the next steps; `None`: the exact polar rotations at the present displacements.
     pub given_rotations: Option<Vec<DQuat>>,
 }
@@ -44,11 +48,23 @@ impl SoftBody {
         Self {
             displacement: vec![DVec3::ZERO; layer.nodes.len()],
             velocity: layer.attached.iter().map(start).collect(),
+            supports: Vec::new(),
             given_rotations: None,
             elements,
             layer,
             position,
         }
+    }
+
+    /// The body with supports: `supports` says for each node what they leave to it, in rest axes.
+    pub fn supported(mut self, supports: &Supports) -> Self {
+        let frame = self.elements.frame;
+        self.supports =
+            supports.freedom.iter().map(|freedom| frame * freedom.projection() * frame.transpose()).collect();
+        for (velocity, projection) in self.velocity.iter_mut().zip(&self.supports) {
+            *velocity = *projection * *velocity;
+        }
+        self
     }
 
     /// Rotation of each tetrahedron that the next step uses.

@@ -52,6 +52,9 @@ pub struct Report {
     /// of the first, both in the norm of the inverse of the diagonal blocks of nodes, cores and tool; zero after a
     /// single iteration.
     pub nonlinear_residual: f64,
+    /// For each node of each body with supports the force that holds it in the step, N: what is left of its equation in
+    /// the directions that supports, or a core of prescribed motion, take from it. Empty for other bodies.
+    pub holding: Vec<Vec<DVec3>>,
 }
 
 /// A scene of soft bodies, dynamic cores and the tool, which can be stepped.
@@ -200,9 +203,12 @@ impl Simulation {
             (None, Some(held)) => wrench::on_core(&contacts, &self.cores[held.core]),
             (None, None) => Wrench::default(),
         };
+        let acting: Vec<Contact> =
+            (0..contacts.len()).filter(|j| active[*j]).map(|j| contacts[j].contact.clone()).collect();
+        let holding = self.holding(&unknowns, &change, &trials, device, &acting);
         self.commit(&unknowns, &change);
         self.last_change = change;
-        Ok(Report { contacts, wrench, flags, nonlinear_residual })
+        Ok(Report { contacts, wrench, flags, nonlinear_residual, holding })
     }
 
     /// Changes of the unknown velocities over the last step; zeros before the first.
@@ -211,16 +217,79 @@ impl Simulation {
         known.take(unknowns.count).collect()
     }
 
+    /// The forces that hold the nodes of bodies with supports, N (see [`Report::holding`]): the residual of a system in
+    /// which all nodes are free, for the solution `change` of the system of `unknowns`.
+    fn holding(
+        &self,
+        unknowns: &Unknowns,
+        change: &[f64],
+        trials: &[Trial],
+        device: Option<&Device>,
+        contacts: &[Contact],
+    ) -> Vec<Vec<DVec3>> {
+        if self.bodies.iter().all(|body| body.supports.is_empty()) {
+            return vec![Vec::new(); self.bodies.len()];
+        }
+        let all = self.numbered(true);
+        let spread = |x: &[f64]| {
+            let mut spread = vec![0.0; all.count];
+            for (map, own) in all.nodes.iter().flatten().zip(unknowns.nodes.iter().flatten()) {
+                if let ([(to, _)], [(from, left)]) = (&map[..], &own[..]) {
+                    let moved = *left * DVec3::from_slice(&x[*from..from + 3]);
+                    spread[*to..to + 3].copy_from_slice(&moved.to_array());
+                }
+            }
+            let rigid = unknowns.cores.first().copied().unwrap_or(unknowns.tool);
+            let to = all.cores.first().copied().unwrap_or(all.tool);
+            spread[to..].copy_from_slice(&x[rigid..]);
+            spread
+        };
+        let (mut a, mut b) = self.system(&all, trials, device);
+        let (start, last) = (self.velocities(&all), spread(&self.last_change(unknowns)));
+        for contact in contacts {
+            let row = self.row(&all, contact);
+            let rate = self.known_rate(&all, contact) + dot(&row, &start);
+            add_contact(&mut a, &mut b, &row, contact, rate, self.dt);
+            self.drag(&all, &start, &last, contact).add(&mut a, &mut b, self.dt);
+        }
+        let product = a.multiply(&spread(change));
+        let impulse = |map: &Map, left: &DMat3| match map[..] {
+            [(first, _)] => {
+                let all = DVec3::from_slice(&product[first..first + 3]) - DVec3::from_slice(&b[first..first + 3]);
+                (all - *left * all) / self.dt
+            }
+            _ => DVec3::ZERO,
+        };
+        let of_body = |(body, maps): (&SoftBody, &Vec<Map>)| {
+            body.supports.iter().zip(maps).map(|(left, map)| impulse(map, left)).collect()
+        };
+        self.bodies.iter().zip(&all.nodes).map(of_body).collect()
+    }
+
+    /// The forces that hold the nodes of bodies with supports, N (see [`Report::holding`]), for the solution `change` of
+    /// the system of the next step with all of the given contacts in it.
+    pub fn held_by(&self, device: Option<&Device>, contacts: &[Contact], change: &[f64]) -> Vec<Vec<DVec3>> {
+        let trials: Vec<_> = self.bodies.iter().map(Trial::start).collect();
+        self.holding(&self.unknowns(), change, &trials, device, contacts)
+    }
+
     /// Numbers the unknowns: nodes body by body, then the cores, then the tool.
     pub fn unknowns(&self) -> Unknowns {
+        self.numbered(false)
+    }
+
+    /// Numbers the unknowns. `all`: as if no node were supported or attached to a core of prescribed motion.
+    fn numbered(&self, all: bool) -> Unknowns {
         let mut count = 0;
-        let mut number = |bound: &bool| {
+        let mut number = |body: &SoftBody, node: usize| {
+            let is_bound = !all && body.layer.attached[node];
             let first = count;
-            count += if *bound { 0 } else { 3 };
-            if *bound { vec![] } else { vec![(first, DMat3::IDENTITY)] }
+            count += if is_bound { 0 } else { 3 };
+            let left = body.supports.get(node).copied().filter(|_| !all).unwrap_or(DMat3::IDENTITY);
+            if is_bound { vec![] } else { vec![(first, left)] }
         };
         let mut nodes: Vec<Vec<Map>> =
-            self.bodies.iter().map(|b| b.layer.attached.iter().map(&mut number).collect()).collect();
+            self.bodies.iter().map(|b| (0..b.layer.nodes.len()).map(|n| number(b, n)).collect()).collect();
         let cores: Vec<usize> = (0..self.cores.len()).map(|k| count + 6 * k).collect();
         for (core, first) in self.cores.iter().zip(&cores) {
             for (body, node) in &core.nodes {
@@ -254,6 +323,12 @@ impl Simulation {
         let (mut a, mut b) = (Entries::default(), vec![0.0; unknowns.count]);
         for ((body, nodes), trial) in self.bodies.iter().zip(&unknowns.nodes).zip(trials) {
             self.add_body(&mut a, &mut b, body, trial, nodes);
+            for (first, left) in nodes.iter().filter(|map| map.len() == 1).map(|map| map[0]) {
+                // Ones on the diagonal of A keep the changes of velocity that supports prevent at zero.
+                if left != DMat3::IDENTITY {
+                    a.add_block(first, first, &(DMat3::IDENTITY - left));
+                }
+            }
         }
         for (core, first) in self.cores.iter().zip(&unknowns.cores) {
             let inertia = core.nodes.iter().fold(DMat3::ZERO, |sum, (body, node)| {
@@ -366,8 +441,8 @@ impl Simulation {
         for (body, nodes) in self.bodies.iter_mut().zip(&unknowns.nodes) {
             let to_rest = body.elements.frame.transpose();
             for (i, map) in nodes.iter().enumerate() {
-                if let [(first, _)] = map[..] {
-                    body.velocity[i] += DVec3::from_slice(&change[first..first + 3]);
+                if let [(first, left)] = map[..] {
+                    body.velocity[i] += left * DVec3::from_slice(&change[first..first + 3]);
                 }
                 if map.len() < 2 {
                     body.displacement[i] += self.dt * (to_rest * body.velocity[i]);

@@ -20,6 +20,16 @@ impl Passes {
         case(name).size(self.size).constant("COARSE", self.coarse)
     }
 
+    /// A case of a kernel that restricts its equations to what supports leave to the nodes.
+    fn restricted(&self, name: &str) -> Case {
+        self.reduce(name).constant("SUPPORTS", self.supports)
+    }
+
+    /// Per node what its supports leave to it.
+    fn node_supports(&self) -> &[[f32; 4]] {
+        if self.supports { &self.system.model.held.nodes } else { &[[0.0; 4]] }
+    }
+
     fn rigid_count(&self) -> u32 {
         self.rigids.len() as u32
     }
@@ -32,7 +42,7 @@ impl Passes {
     pub fn assemble(&mut self) {
         let (s, nodes, blocks) = (&self.system, self.nodes(), self.blocks());
         let outcome = self
-            .reduce("solve/assemble")
+            .restricted("solve/assemble")
             .constant("CONTACT", self.contact)
             .constant("FRICTION", self.friction)
             .input("params", &[s.params])
@@ -67,12 +77,15 @@ impl Passes {
             .constant("JOINTS", !self.joints.is_empty())
             .input("joints", &self.joints)
             .input("joint_sides", &self.joint_sides)
+            .input("node_supports", self.node_supports())
+            .partial("held_rhs", &unwritten::<[f32; 4]>(nodes))
             .groups(blocks)
             .run();
         let roles = self.roles();
         self.rhs = settled("rhs", outcome.get("rhs"), |i| roles[i].is_some());
         self.inverse = settled("inverse", outcome.get("inverse"), |i| roles[i / 2].is_some());
-        let is_kept = |i: usize| self.contact && self.coarse && roles[i / 2] == Some(FREE);
+        self.held_rhs = settled("held_rhs", outcome.get("held_rhs"), |i| self.supports && roles[i].is_some());
+        let is_kept = |i: usize| (self.contact || self.supports) && self.coarse && roles[i / 2] == Some(FREE);
         self.blocks_without_contacts =
             settled("blocks_without_contacts", outcome.get("blocks_without_contacts"), is_kept);
         self.partials = outcome.get("partials");
@@ -215,6 +228,9 @@ impl Passes {
         let (roles, groups) = (self.roles(), self.groups());
         let operator_product = merged("operator_product", &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
         self.operator_product = settled("operator_product", operator_product, |i| roles[i].is_some());
+        let impulses = merged("holding_impulses", &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
+        let holds = |i: usize| self.supports && mode == 2 && roles[i] == Some(FREE);
+        self.holding_impulses = settled("holding_impulses", impulses, holds);
         let dots = merged("dots", &unwritten::<[f32; 2]>(groups), &outcomes);
         self.dots = settled("dots", dots, |_| mode != 0);
         let projections = merged("projections", &unwritten::<[f32; 4]>(groups), &outcomes);
@@ -231,7 +247,7 @@ impl Passes {
         let (s, groups, (vector, iterates)) = (&self.system, self.groups(), self.changed(change));
         let block_nodes = if self.assembled { &self.edges.block_nodes } else { &s.model.blocks.nodes };
         let residual_or_rhs = if mode == 1 { &self.residual } else { &self.rhs };
-        self.reduce("solve/gather")
+        self.restricted("solve/gather")
             .constant("BLOCKS", self.blocks() as u32)
             .constant("CONTACT", self.contact)
             .constant("FRICTION", self.friction)
@@ -273,6 +289,9 @@ impl Passes {
             .constant("JOINTS", !self.joints.is_empty())
             .input("joints", &self.joints)
             .input("joint_sides", &self.joint_sides)
+            .input("node_supports", self.node_supports())
+            .input("held_rhs", &self.held_rhs)
+            .partial("holding_impulses", &unwritten::<[f32; 4]>(self.nodes()))
             .push(&if mode == 1 { self.state.current } else { 0 })
             .groups(variant.groups)
             .run()
@@ -350,7 +369,7 @@ impl Passes {
     pub fn begin(&mut self) {
         let (s, nodes) = (&self.system, self.nodes());
         let outcome = self
-            .reduce("solve/first_iterate")
+            .restricted("solve/first_iterate")
             .constant("CONTACT", self.contact)
             .input("solve", &[self.state])
             .input("block_turns", &self.block_turns)
@@ -422,7 +441,7 @@ impl Passes {
 
     fn update_variant(&self, leads: bool, variant: &Variant) -> Outcome {
         let s = &self.system;
-        self.reduce("solve/update")
+        self.restricted("solve/update")
             .constant("CONTACT", self.contact)
             .constant("BLOCKS", self.blocks() as u32)
             .constant("PARTIALS", self.dots.len() as u32)
@@ -507,11 +526,35 @@ impl Passes {
         self.system.contacts = outcome.get::<Contact>("contacts");
     }
 
+    /// Runs solve/reactions, and returns force and torque of each holder.
+    pub fn reactions(&self) -> Vec<f32> {
+        let (s, held) = (&self.system, &self.system.model.held);
+        let holders: Vec<[u32; 2]> =
+            held.holders.iter().map(|holder| [holder.nodes.start as u32, holder.nodes.len() as u32]).collect();
+        let outcome = case("solve/reactions")
+            .size(self.size)
+            .input("params", &[s.params])
+            .input("frames", &s.frames)
+            .input("node_info", &s.model.node_info)
+            .input("node_rest", &s.model.node_rest)
+            .input("displacement", &s.displacement)
+            .input("holding_impulses", &self.holding_impulses)
+            .input("holders", &holders)
+            .input("held_nodes", &held.list)
+            .input("held_shares", &held.shares)
+            .output::<f32>("reactions", 6 * holders.len())
+            .groups(holders.len())
+            .run();
+        outcome.get("reactions")
+    }
+
     pub fn commit(&mut self) {
         let s = &self.system;
         let outcome = case("solve/commit")
             .constant("NODES", self.nodes() as u32)
             .constant("RIGIDS", self.rigid_count())
+            .constant("SUPPORTS", self.supports)
+            .input("node_supports", self.node_supports())
             .input("params", &[s.params])
             .input("frames", &s.frames)
             .input("node_info", &s.model.node_info)

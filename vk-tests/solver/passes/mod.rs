@@ -37,6 +37,8 @@ pub struct Passes {
     pub tool: bool,
     pub friction: bool,
     pub coarse: bool,
+    /// Whether supports hold nodes, or reactions are summed.
+    pub supports: bool,
     /// Workgroup size of the kernels whose lanes make sums together.
     pub size: Size,
     /// Whether the operator is assembled as a matrix, as a step does it, or applied tetrahedron by tetrahedron
@@ -53,6 +55,10 @@ pub struct Passes {
     pub rhs: Vec<[f32; 4]>,
     pub inverse: Vec<[f32; 4]>,
     pub blocks_without_contacts: Vec<[f32; 4]>,
+    /// What the supports of each node take from its right-hand side.
+    pub held_rhs: Vec<[f32; 4]>,
+    /// The impulse that holds each node.
+    pub holding_impulses: Vec<[f32; 4]>,
     pub solution: Vec<[f32; 4]>,
     pub trend: Vec<[f32; 4]>,
     /// Residual. The kernels write two sets of iterates in turn; this vector and the next three belong to the newer
@@ -119,6 +125,7 @@ impl Passes {
             tool,
             friction: system.twin.friction.is_some(),
             coarse: !model.coarse.bodies.is_empty(),
+            supports: !model.held.nodes.is_empty(),
             size: Size::Reduce,
             assembled: true,
             edges: Edges::of(model),
@@ -129,6 +136,8 @@ impl Passes {
             rhs: zeros.clone(),
             inverse: vec![[0.0; 4]; 2 * nodes],
             blocks_without_contacts: vec![[0.0; 4]; 2 * nodes],
+            held_rhs: zeros.clone(),
+            holding_impulses: zeros.clone(),
             solution: zeros.clone(),
             trend: zeros.clone(),
             residual: zeros.clone(),
