@@ -23,6 +23,8 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
             let depths = depths(layer, skin).map_err(|problem| (problem, "give a closed surface"))?;
             depths.iter().map(|depth| depth >= least).collect()
         }
+        // `cores::selected` has put the numbers of the nodes in its place.
+        Bind::Group(_) => vec![false; layer.nodes.len()],
         Bind::Capsule(capsule) => layer.nodes.iter().map(|&n| capsule_depth(n, capsule) <= 1.0).collect(),
         Bind::Nodes(list) => {
             let mut named = vec![false; layer.nodes.len()];

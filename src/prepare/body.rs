@@ -225,10 +225,9 @@ fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Re
 fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
     let mut layer = prepared.layer.unwrap_or_default();
     let materials = materials::materials(keys, body, &layer, &prepared.groups)?;
-    let numbers = &prepared.node_numbers;
-    let (node_frames, supports) = cores::bind(body, &mut layer, numbers, &prepared.mesh, |key, problem, remedy| {
-        keys.error(key, problem, remedy)
-    })?;
+    let mesh = cores::Numbered { numbers: &prepared.node_numbers, groups: &prepared.groups };
+    let (node_frames, supports) =
+        cores::bind(body, &mut layer, &mesh, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
     if body.dilatation == Dilatation::Patch {
         if materials.all.iter().any(|material| material.law != MaterialLaw::Corotational) {

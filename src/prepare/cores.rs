@@ -11,6 +11,7 @@ use glam::{DMat3, DVec3};
 use super::supports::{Freedom, Supports, supports};
 use super::{Frame, FrameMotion, Layer, Materials, NONE, bind};
 use crate::Result;
+use crate::scene::groups::Groups;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{Bind, Body, Hinge, Motion};
 
@@ -21,20 +22,27 @@ const THINNEST: f64 = 1e-6;
 /// Remedy for a core without attached nodes.
 const ENLARGE: &str = "enlarge the region, or leave the core out for a free body";
 
+/// How the file of a layer numbers and groups the layer's nodes.
+pub struct Numbered<'a> {
+    /// For each node of the layer, its number in the file; ascending.
+    pub numbers: &'a [u32],
+    /// Groups in the file.
+    pub groups: &'a Groups,
+}
+
 /// Marks in `layer` the nodes attached to the body's cores, and returns the index of the core that each node follows.
 /// An attached node follows the first core in the body's list that selects it; where capsules of bones overlap,
 /// [`bind::nearer_bones`] decides. A free node follows the core whose attached nodes are nearest along the edges of the
 /// layer, so that a hand near a thigh follows the arm's core and not the leg's. Nodes that supports hold count like
 /// attached ones of a further core, which rests; what supports leave to each node is the second result. In a body
-/// without cores all indices are 0. `skin` and `layer` are in file coordinates; `numbers` holds the number of each node in the layer's file,
-/// ascending. `error` makes an error of a key (`core.NAME.bind` or `layer`), a problem and a remedy.
+/// without cores all indices are 0. `skin` and `layer` are in file coordinates. `error` makes an error of a key (`core.NAME.bind` or `layer`), a problem and a remedy.
 ///
 /// It is an error if a core has no attached node, or if cores and supports hold no node of a connected part of the
 /// layer.
 pub fn bind(
     body: &Body,
     layer: &mut Layer,
-    numbers: &[u32],
+    mesh: &Numbered,
     skin: &TriangleMesh,
     error: impl Fn(&str, &str, &str) -> crate::Error,
 ) -> Result<(Vec<u32>, Supports)> {
@@ -44,7 +52,7 @@ pub fn bind(
         let region =
             core.bind.as_ref().ok_or_else(|| error(&key, "missing", "give `bind`, the nodes attached to the core"))?;
         let mut named =
-            selected(region, layer, numbers, skin).map_err(|(problem, remedy)| error(&key, &problem, remedy))?;
+            selected(region, layer, mesh, skin).map_err(|(problem, remedy)| error(&key, &problem, &remedy))?;
         bind::nearer_bones(layer, &body.cores, index, &mut named);
         for (holder, _) in holders.iter_mut().zip(&named).filter(|(holder, named)| **named && **holder == NONE) {
             *holder = index as u32;
@@ -59,7 +67,7 @@ pub fn bind(
         }
     }
     layer.attached = holders.iter().map(|&holder| holder != NONE).collect();
-    let held = supports(body, layer, &holders, numbers, skin, &error)?;
+    let held = supports(body, layer, &holders, mesh, skin, &error)?;
     if body.cores.is_empty() && body.supports.is_empty() {
         return Ok((vec![0; holders.len()], held));
     }
@@ -71,7 +79,7 @@ pub fn bind(
     }
     let is_held: Vec<bool> = holders.iter().map(|&holder| holder != NONE).collect();
     if let Some((count, node)) = bind::unattached(layer, &is_held) {
-        let (p, node) = (layer.nodes[node as usize], numbers[node as usize]);
+        let (p, node) = (layer.nodes[node as usize], mesh.numbers[node as usize]);
         let problem = format!(
             "a connected part of the layer has no node attached to a core or held by a support: {count} nodes, among them node {node} at \
              [{:.4}, {:.4}, {:.4}]",
@@ -86,10 +94,17 @@ pub fn bind(
 pub fn selected(
     bind: &Bind,
     layer: &Layer,
-    numbers: &[u32],
+    mesh: &Numbered,
     skin: &TriangleMesh,
-) -> std::result::Result<Vec<bool>, (String, &'static str)> {
-    bind::named(layer, (&skin.vertices, &skin.triangles), &renumbered(bind, numbers)?)
+) -> std::result::Result<Vec<bool>, (String, String)> {
+    if let Bind::Group(group) = bind {
+        let of_group = mesh.groups.nodes_of(group)?;
+        // Nodes of a group that belong to no tetrahedron are left out, like the others of the file.
+        return Ok(mesh.numbers.iter().map(|number| of_group.binary_search(number).is_ok()).collect());
+    }
+    let own = |(problem, remedy): (String, &'static str)| (problem, remedy.to_string());
+    let bind = renumbered(bind, mesh.numbers).map_err(own)?;
+    bind::named(layer, (&skin.vertices, &skin.triangles), &bind).map_err(own)
 }
 
 /// If `bind` lists nodes, translates their numbers in the layer's file into indices of the layer's nodes.

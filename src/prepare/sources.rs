@@ -61,7 +61,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files of the folders `prepare` and `scene` on which the cached parts of a body do not depend.
-    const OTHERS: [&str; 36] = [
+    const OTHERS: [&str; 38] = [
         "prepare/bind.rs",
         "prepare/bodies.rs",
         "prepare/body.rs",
@@ -75,6 +75,7 @@ mod tests {
         "prepare/report.rs",
         "prepare/ride.rs",
         "prepare/sources.rs",
+        "prepare/supports.rs",
         "prepare/stuffing/tests/mod.rs",
         "prepare/stuffing/tests/random.rs",
         "prepare/stuffing/tests/real.rs",
@@ -97,6 +98,7 @@ mod tests {
         "scene/profile.rs",
         "scene/reference.rs",
         "scene/skeleton.rs",
+        "scene/support.rs",
         "scene/tests.rs",
     ];
 

@@ -4,7 +4,8 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{Layer, cores};
+use super::Layer;
+use super::cores::{self, Numbered};
 use crate::Result;
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{Body, Constraint, Motion};
@@ -60,7 +61,7 @@ pub struct Holder {
 }
 
 /// Finds what is left to each node. `layer` is in file coordinates, with its attached nodes marked; `holders` has the
-/// index of the core of each attached node. `numbers` and `error` are those of [`cores::bind`].
+/// index of the core of each attached node. `error` is that of [`cores::bind`].
 ///
 /// It is an error if no node of a support is left to it by the cores, if it holds a node of a dynamic core, or if
 /// nothing of the body is left free to move.
@@ -68,7 +69,7 @@ pub fn supports(
     body: &Body,
     layer: &Layer,
     holders: &[u32],
-    numbers: &[u32],
+    mesh: &Numbered,
     skin: &TriangleMesh,
     error: impl Fn(&str, &str, &str) -> crate::Error,
 ) -> Result<Supports> {
@@ -79,8 +80,8 @@ pub fn supports(
     let mut held: Vec<Vec<(DVec3, usize)>> = vec![Vec::new(); layer.nodes.len()];
     for (index, support) in body.supports.iter().enumerate() {
         let key = format!("support.{}.bind", support.name);
-        let named = cores::selected(&support.bind, layer, numbers, skin)
-            .map_err(|(problem, remedy)| error(&key, &problem, remedy))?;
+        let named = cores::selected(&support.bind, layer, mesh, skin)
+            .map_err(|(problem, remedy)| error(&key, &problem, &remedy))?;
         let nodes = || (0..layer.nodes.len()).filter(|n| named[*n]);
         if nodes().next().is_none() {
             return Err(error(&key, "no node lies in the region: the support holds nothing", "enlarge the region"));
@@ -90,7 +91,7 @@ pub fn supports(
         if let Some(node) = nodes().find(moving) {
             let problem = format!(
                 "node {} is attached to the dynamic core \"{}\", which no support can hold",
-                numbers[node],
+                mesh.numbers[node],
                 core(node).name
             );
             return Err(error(&key, &problem, "keep the region away from the core, or give the core a `hinge`"));

@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 
 use super::check;
 use super::keys::{Table, Value, suggest};
-use super::material::{material, regions};
+use super::material::{group, material, regions};
 use super::meshes::Meshes;
 use super::reference;
 use super::tetrahedra::EXTENSIONS;
@@ -333,6 +333,7 @@ pub(super) fn bind(value: &Value) -> Result<Bind> {
         "inset" => value.not_negative().map(Bind::Inset),
         "box" => corners(&value).map(|(low, high)| Bind::Box { low, high }),
         "sphere" => sphere(&value).map(|(centre, radius)| Bind::Sphere { centre, radius }),
+        "group" => group(&value).map(Bind::Group),
         "nodes" => {
             let nodes: Vec<u32> =
                 value.array()?.iter().map(|node| node.whole(0, u32::MAX - 1)).collect::<Result<_>>()?;

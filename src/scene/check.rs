@@ -662,7 +662,7 @@ impl Bind {
             Bind::Nodes(nodes) if nodes.is_empty() => {
                 Err(Problem::of("nodes", "is empty", "name at least one node (zero-based, file order)"))
             }
-            Bind::Nodes(_) | Bind::All => Ok(()),
+            Bind::Nodes(_) | Bind::Group(_) | Bind::All => Ok(()),
         }
     }
 }

@@ -38,15 +38,15 @@ pub fn read(path: &Path) -> Result<TetMesh> {
 pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
     let version = header(&mut cursor)?;
-    let (mut file, mut volumes) = (Contents::default(), HashMap::new());
+    let (mut file, mut entities) = (Contents::default(), HashMap::new());
     while let Some(head) = cursor.next_filled() {
         match head {
             "$Nodes" if version == Version::V2 => nodes_v2(&mut cursor, &mut file)?,
             "$Nodes" => nodes_v4(&mut cursor, &mut file)?,
             "$Elements" if version == Version::V2 => elements_v2(&mut cursor, &mut file)?,
-            "$Elements" => elements_v4(&mut cursor, &mut file, &volumes)?,
+            "$Elements" => elements_v4(&mut cursor, &mut file, &entities)?,
             "$PhysicalNames" => groups::names(&mut cursor, &mut file)?,
-            "$Entities" if version == Version::V4 => volumes = groups::volumes(&mut cursor, &mut file)?,
+            "$Entities" if version == Version::V4 => entities = groups::entities(&mut cursor, &mut file)?,
             other if other.starts_with('$') => cursor.skip_past(&format!("$End{}", &other[1..]))?,
             other => return Err(cursor.error(format!("\"{}\" is outside any section", short(other)))),
         }
@@ -151,23 +151,46 @@ fn nodes_v4(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
 }
 
 /// Adds the element that was read last; if it is not a four-node tetrahedron, only counts it. `kind`: number of the
-/// element's type; `group`: number of its physical group.
+/// element's type; `groups`: numbers of its physical groups, of which a tetrahedron is in the first. The nodes of points,
+/// lines and faces are kept by group.
 fn add_element(
     cursor: &Cursor,
     file: &mut Contents,
     kind: u64,
-    (id, group): (u64, Option<i64>),
+    (id, groups): (u64, &[i64]),
     nodes: &[u64],
 ) -> Result<()> {
     match (kind, nodes) {
         (TETRAHEDRON, &[a, b, c, d]) => {
-            file.elements.push(Element { id, mark: cursor.mark(), nodes: [a, b, c, d], group });
+            file.elements.push(Element {
+                id,
+                mark: cursor.mark(),
+                nodes: [a, b, c, d],
+                group: groups.first().copied(),
+            });
         }
         (TETRAHEDRON, _) => return Err(cursor.error(format!("tetrahedron {id} has {} nodes", nodes.len()))),
         (0 | TYPE_COUNT.., _) => return Err(cursor.error(format!("element {id} is of the unknown type {kind}"))),
-        _ => file.skip(&name(kind)),
+        _ => {
+            if let Some(dimension) = dimension_of(kind) {
+                for group in groups {
+                    file.grouped_nodes.entry((dimension, *group)).or_default().extend(nodes);
+                }
+            }
+            file.skip(&name(kind));
+        }
     }
     Ok(())
+}
+
+/// Number of dimensions of the elements of a type with which Gmsh meshes points, curves and surfaces.
+fn dimension_of(kind: u64) -> Option<usize> {
+    match kind {
+        15 => Some(0),
+        1 | 8 => Some(1),
+        2 | 3 | 9 | 10 | 16 => Some(2),
+        _ => None,
+    }
 }
 
 /// What elements of a type are called in notes; `kind`: number of the type.
@@ -205,7 +228,7 @@ fn elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
         let first = usize::try_from(ids[2]).ok().and_then(|tags| tags.checked_add(3));
         let nodes = first.and_then(|first| ids.get(first..)).unwrap_or_default();
         let group = if ids[2] > 0 { words.get(3).copied() } else { None };
-        add_element(cursor, file, ids[1], (ids[0], group.filter(|&group| group != UNGROUPED)), nodes)?;
+        add_element(cursor, file, ids[1], (ids[0], group.filter(|&group| group != UNGROUPED).as_slice()), nodes)?;
         done += 1;
     }
     cursor.expect("$EndElements")
@@ -225,22 +248,22 @@ fn binary_elements_v2(cursor: &mut Cursor, file: &mut Contents) -> Result<u64> {
         let group = tags.first().map(|&group| group.into()).filter(|&group| group != UNGROUPED);
         let words = whole(cursor, "an element's nodes", nodes, 0)?;
         let words: Vec<u64> = words.iter().map(|&word| word.max(0) as u64).collect();
-        add_element(cursor, file, kind, (id, group), &words)?;
+        add_element(cursor, file, kind, (id, group.as_slice()), &words)?;
     }
     Ok(count)
 }
 
-fn elements_v4(cursor: &mut Cursor, file: &mut Contents, volumes: &HashMap<i64, i64>) -> Result<()> {
+fn elements_v4(cursor: &mut Cursor, file: &mut Contents, entities: &groups::Entities) -> Result<()> {
     let blocks = whole(cursor, "the counts of $Elements", 0, 4)?[0];
     for _ in 0..cursor.natural(blocks, "the number of blocks")? {
         let head = whole(cursor, "a block of elements (dimension, tag, type, count)", 3, 1)?;
         let kind = cursor.natural(head[2], "a type of elements")?;
-        let group = volumes.get(&head[1]).copied();
+        let groups = entities.get(&(head[0], head[1])).map_or(&[][..], Vec::as_slice);
         let nodes = if cursor.order.is_some() { nodes_of(cursor, kind)? } else { 1 };
         for _ in 0..cursor.natural(head[3], "the number of elements in a block")? {
             let words = whole(cursor, "an element (id, nodes)", 0, 1 + nodes)?;
             let words: Vec<u64> = words.iter().map(|&word| word.max(0) as u64).collect();
-            add_element(cursor, file, kind, (words[0], group), &words[1..])?;
+            add_element(cursor, file, kind, (words[0], groups), &words[1..])?;
         }
     }
     cursor.expect("$EndElements")

@@ -81,7 +81,7 @@ pub enum Place {
     },
 }
 
-/// A group of tetrahedra in a mesh file, as a scene names it.
+/// A group in a mesh file, as a scene names it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Group {
     /// The group's name.
@@ -138,8 +138,8 @@ pub(super) fn regions(body: &Table, base: &Material, from_file: bool) -> Result<
     array.array()?.iter().map(region).collect()
 }
 
-/// Reads the name (a string) or the number of a group of tetrahedra.
-fn group(value: &Value) -> Result<Group> {
+/// Reads the name (a string) or the number of a group in a mesh file.
+pub(super) fn group(value: &Value) -> Result<Group> {
     if value.is_text() {
         return value.text().map(|name| Group::Name(name.into()));
     }

@@ -523,6 +523,8 @@ pub enum Bind {
     Capsule(Capsule),
     /// The nodes with these indices, zero-based, in the order of the layer's mesh.
     Nodes(Vec<u32>),
+    /// The nodes of a group that the layer's file defines.
+    Group(Group),
     /// All nodes.
     All,
 }

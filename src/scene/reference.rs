@@ -473,6 +473,13 @@ pub const BIND: TableKeys = TableKeys {
         key("box", "[[x, y, z], [x, y, z]], in the file's units", ONE_OF, "Nodes in a box."),
         key("sphere", "[x, y, z, r], in the file's units", ONE_OF, "Nodes in a sphere."),
         key("nodes", "array of numbers", ONE_OF, "Nodes by their number in the layer's file, from 0."),
+        key(
+            "group",
+            "a name or a number",
+            ONE_OF,
+            "Nodes of a group of the layer's file: a Gmsh physical group of points, curves, surfaces or volumes, or a \
+             group of tetrahedra.",
+        ),
         key("all", "true", ONE_OF, "All nodes."),
     ],
 };

@@ -2,13 +2,13 @@
 //! reader: node ids become indices, tetrahedra get positive volume, and invalid meshes are refused. A group is a set of
 //! tetrahedra that a file marks with a number; a scene can give each group a material of its own.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 use super::cursor::Cursor;
-use super::groups::Groups;
+use super::groups::{Groups, NodeGroup};
 use super::{gmsh, tetgen, vtk};
 use crate::{Error, Result};
 
@@ -19,6 +19,8 @@ pub const EXTENSIONS: [&str; 4] = ["msh", "node", "ele", "vtk"];
 /// edge. Even well above this fraction, the gradients of its shape functions at rest are mostly rounding error in
 /// single precision. Such slivers (thin tetrahedra) are kept all the same, since the implicit time step tolerates them.
 const FLATTEST: f64 = 1e-12;
+/// Number of dimensions of a tetrahedron.
+pub(super) const VOLUME: usize = 3;
 /// Dihedral angle below which a tetrahedron is reported as a sliver, degrees.
 const SLIVER: f64 = 5.0;
 
@@ -69,8 +71,12 @@ pub(super) struct Contents {
     pub elements: Vec<Element>,
     /// How many elements of each type were left out, by the name of the type; four-node tetrahedra are never left out.
     pub skipped: BTreeMap<String, usize>,
-    /// Names of the groups, by the number of the group.
+    /// Names of the groups of tetrahedra, by the number of the group.
     pub groups: BTreeMap<i64, String>,
+    /// Ids of the nodes of other elements, by the number of dimensions of the elements and the number of their group.
+    pub grouped_nodes: BTreeMap<(usize, i64), BTreeSet<u64>>,
+    /// Names of the groups of other elements, likewise.
+    pub other_groups: BTreeMap<(usize, i64), String>,
     /// Notes of the reader about the file, one sentence each.
     pub notes: Vec<String>,
 }
@@ -141,8 +147,29 @@ pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
         tetrahedra.push(nodes);
     }
     let notes = notes(&file, turned, &tetrahedra);
-    let groups = Groups { of: file.elements.iter().map(|element| element.group).collect(), names: file.groups };
+    let of_nodes = node_groups(&file);
+    let of = file.elements.iter().map(|element| element.group).collect();
+    let groups = Groups { of, names: file.groups, of_nodes };
     Ok(TetMesh { nodes: file.nodes, tetrahedra, groups, notes })
+}
+
+/// The groups of nodes: first those of points, lines and faces, then those of tetrahedra. Nodes that the file does not have
+/// are left out.
+fn node_groups(file: &Contents) -> Vec<NodeGroup> {
+    let mut all: BTreeMap<(usize, i64), BTreeSet<u64>> = file.grouped_nodes.clone();
+    for element in &file.elements {
+        if let Some(group) = element.group {
+            all.entry((VOLUME, group)).or_default().extend(element.nodes);
+        }
+    }
+    let group = |((dimension, number), ids): ((usize, i64), BTreeSet<u64>)| {
+        let mut nodes: Vec<u32> = ids.iter().filter_map(|id| file.index.get(id).copied()).collect();
+        nodes.sort_unstable();
+        let named =
+            if dimension == VOLUME { file.groups.get(&number) } else { file.other_groups.get(&(dimension, number)) };
+        NodeGroup { dimension, number, name: named.cloned(), nodes }
+    };
+    all.into_iter().map(group).collect()
 }
 
 fn notes(file: &Contents, turned: usize, tetrahedra: &[[u32; 4]]) -> Vec<String> {

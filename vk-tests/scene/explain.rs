@@ -114,6 +114,13 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
     let bound = "[[body]]\nname = \"block\"\nlayer = { box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]], cells = [8, 8, 8] }\n\
                  material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
                  [[body.core]]\nname = \"core\"\nmotion = \"dynamic\"\nbind = { all = true }\n";
+    let supported = block(
+        "",
+        "",
+        "",
+        "[[body.support]]\nname = \"side\"\nplane = [1, 0, 0]\n\
+                                       bind = { box = [[-1, -1, -1], [-0.0499, 1, 1]] }\n",
+    );
     let floor = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, -0.05]\n";
     for (name, text) in [
         ("a block alone", block("", "", "", "")),
@@ -126,6 +133,8 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
         ("nothing deforms", bound.into()),
         ("joined cores", joined),
         ("half-space", format!("{BAR}{floor}")),
+        ("supports", supported.clone()),
+        ("supports, a coarse space", format!("[solver]\npreconditioner = \"coarse\"\n{supported}")),
         ("a tool alone", TOOL.into()),
     ] {
         check(name, &open(&scene(&text), None));

@@ -7,7 +7,7 @@ use palpate::Simulation;
 use crate::invariant::{friction, motion};
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene};
-use crate::scene::{held, joints};
+use crate::scene::{held, joints, supports};
 
 /// Number of steps before the state is saved, and (`AFTER`) number of steps that are compared.
 const BEFORE: usize = 30;
@@ -73,6 +73,7 @@ fn free_bodies_cores_and_joints_go_on_as_before() {
     let newton = "dt = 0.004\nnewton = 3";
     goes_on_as_before("three Newton iterations", &joints::chain(2e4, "motion = \"dynamic\"", ["", ""], newton));
     let coupling = "stiffness = 1000.0\ndamping = 5.0\nangular_stiffness = 0.5\nangular_damping = 0.002";
+    goes_on_as_before("supported", &supports::held_block("corotational", 1, ""));
     goes_on_as_before("held", &held::pad(5e4, coupling, "", DVec3::ZERO, held::START));
 }
 

@@ -10,8 +10,10 @@ use crate::invariant::friction::beside;
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 
 /// Greatest errors against the oracle: of displacements, and of reactions, each relative to the largest.
-const SHAPE: f64 = 5e-5;
-const REACTION: f64 = 5e-5;
+const SHAPE: f64 = 1e-5;
+const REACTION: f64 = 1e-5;
+/// Greatest error of reactions where stiff contacts press.
+const PRESSED_REACTION: f64 = 1e-4;
 
 /// The reactions that the oracle's holding forces (per node, N) of a body make, with the nodes where the oracle's body has
 /// them: as the engine reports them, in the same order.
@@ -46,7 +48,7 @@ fn reaction_error(got: &[Wrench], want: &[Wrench]) -> f64 {
 
 /// A block that stands oblique in the world and moves at the start. Three supports hold it along planes that are not
 /// orthogonal, one along lines, one at points; a driven core pulls at it.
-fn held_block(law: &str, newton: u32, solver: &str) -> String {
+pub fn held_block(law: &str, newton: u32, solver: &str) -> String {
     format!(
         "[step]\ndt = 0.002\nnewton = {newton}\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n{solver}\n\
          [[body]]\nname = \"block\"\nposition = [0.3, -0.2, 0.5]\norientation = [0.3, -0.1, 0.4, 0.860232526704]\n\
@@ -141,7 +143,7 @@ fn a_block_on_rollers_is_pressed_and_rubbed_as_the_oracles() {
     println!("{errors:?}, reactions {error:.2e}, greatest force on the tool {peak:.2} N");
     assert!(peak > 0.5, "the tool was pressed by {peak} N");
     assert!(errors.force < 5e-5 && errors.shape < SHAPE && errors.place < 1e-7, "errors {errors:?}");
-    assert!(error < REACTION, "relative error of reactions {error:e}");
+    assert!(error < PRESSED_REACTION, "relative error of reactions {error:e}");
 }
 
 /// Momentum of a soft body, kg m/s, and its mass, kg.

@@ -611,6 +611,16 @@ typedef struct palpate_wrench {
     uint32_t iterations;
 } palpate_wrench;
 
+// Force and torque by which a support, or a fixed or driven core, acts on its soft body.
+typedef struct palpate_reaction {
+    // Names of the body and of the support or core, with a dot between them.
+    char name[208];
+    // Force, world axes, N.
+    double force[3];
+    // Torque about the world's origin, N m.
+    double torque[3];
+} palpate_reaction;
+
 // Cost of one stage of a simulation step.
 typedef struct palpate_stage {
     // Name of the stage, as in docs/understanding/step.md: "pose", "cull", "skin", "depth", "contact", "elastic", "solve", "wrench"
@@ -1043,6 +1053,15 @@ palpate_status palpate_nodes(struct palpate_simulation *simulation,
                              double (*positions)[3],
                              size_t capacity,
                              size_t *count);
+
+// Lists the reactions of the last step: of each fixed or driven core, and then each support, of each body whose scene
+// asks for them; none before the first step, and after a state was restored. `count` receives their number;
+// `reactions` has room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are
+// more reactions than `capacity`, and none was written.
+palpate_status palpate_reactions(struct palpate_simulation *simulation,
+                                 struct palpate_reaction *reactions,
+                                 size_t capacity,
+                                 size_t *count);
 
 // Begins a step without waiting for it: a worker thread of the simulation does the step. The first call of this
 // function starts the thread. `device` has the meaning that it has in `palpate_step`; it may be null, and is copied.

@@ -25,7 +25,9 @@ use palpate_capi::shown::{
     PALPATE_SKIN_NORMALS, palpate_contact, palpate_contacts, palpate_skin, palpate_skin_buffers, palpate_skin_export,
     palpate_skin_range, palpate_skin_triangles, palpate_skins,
 };
-use palpate_capi::simulation::{palpate_pose, palpate_simulation, palpate_simulation_destroy, palpate_step};
+use palpate_capi::simulation::{
+    palpate_pose, palpate_reaction, palpate_reactions, palpate_simulation, palpate_simulation_destroy, palpate_step,
+};
 use palpate_capi::state::{palpate_state_restore, palpate_state_save};
 use palpate_capi::statistics::{palpate_stage, palpate_stages, palpate_time_every};
 use palpate_capi::status::palpate_status::{Argument, Handle, NoDevice, Null, Simulation, TooSmall, Vulkan};
@@ -388,6 +390,41 @@ fn stages_are_told_with_passes_and_times() {
     steps(simulation, 2);
     let timed = stages();
     assert!(timed.iter().map(|stage| stage.1).sum::<f64>() > 0.0, "no stage has a time: {timed:?}");
+    end(context, simulation);
+}
+
+#[test]
+fn reactions_are_listed_by_name() {
+    let context = context();
+    let roller =
+        "[[body.support]]\nname = \"side\"\nplane = [1, 0, 0]\nbind = { box = [[-1, -1, -1], [-0.0499, 1, 1]] }\n";
+    let simulation = simulation(context, &format!("{BLOCK}{roller}{SPHERE}"));
+    let reactions = || {
+        let mut count = 0;
+        // SAFETY (both calls): the array is null with length 0 or has the length that is passed, and the output pointer
+        // leads to a live local variable.
+        ok(unsafe { palpate_reactions(simulation, null_mut(), 0, &mut count) });
+        let mut all = vec![palpate_reaction { name: [0; 208], force: [0.0; 3], torque: [0.0; 3] }; count];
+        ok(unsafe { palpate_reactions(simulation, all.as_mut_ptr(), count, &mut count) });
+        let told = |reaction: &palpate_reaction| {
+            // SAFETY: the library terminates the text by a zero.
+            let name = unsafe { CStr::from_ptr(reaction.name.as_ptr()) }.to_str().unwrap().to_owned();
+            (name, reaction.force, reaction.torque)
+        };
+        all.iter().map(told).collect::<Vec<_>>()
+    };
+    assert!(reactions().is_empty(), "before the first step nothing is known");
+    steps(simulation, 2);
+    let all = reactions();
+    let names: Vec<&str> = all.iter().map(|(name, ..)| name.as_str()).collect();
+    assert_eq!(names, ["block.bottom", "block.side"]);
+    assert!(all[0].1[1] > 0.1, "the core carries the block: {all:?}");
+    assert!(all[1].1[0] != 0.0 && all[1].1[1] == 0.0, "a roller pushes along its normal: {all:?}");
+    let mut count = 0;
+    let mut one = [palpate_reaction { name: [0; 208], force: [0.0; 3], torque: [0.0; 3] }];
+    // SAFETY: the array has the length that is passed, and the output pointer leads to a live local variable.
+    assert_eq!(unsafe { palpate_reactions(simulation, one.as_mut_ptr(), 1, &mut count) }, TooSmall);
+    assert_eq!((count, one[0].force), (2, [0.0; 3]));
     end(context, simulation);
 }
 

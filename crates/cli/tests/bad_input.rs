@@ -114,6 +114,80 @@ fn mistakes_in_a_scene() {
 }
 
 #[test]
+fn mistakes_in_supports() {
+    let folder = folder();
+    let all = "bind = { all = true }";
+    let body = "[[body]]\nname = \"a\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [2, 2, 2] }\n".to_owned()
+        + MATERIAL
+        + "\n";
+    let support = |keys: &str| format!("{body}[[body.support]]\nname = \"s\"\n{keys}\n");
+    let low = "bind = { box = [[-1, -1, -1], [2, 0.1, 2]] }";
+    let core = |motion: &str| format!("[[body.core]]\nname = \"c\"\n{motion}\n{low}\n");
+    let mesh = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 5 \"left\"\n$EndPhysicalNames\n$Nodes\n4\n\
+                1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n$Elements\n2\n1 2 2 5 1 1 3 4\n2 4 2 7 1 1 2 3 4\n\
+                $EndElements\n";
+    fs::write(folder.path().join("t.msh"), mesh).unwrap();
+    let of_file = |group: &str| {
+        let layer = "{ box = [[0, 0, 0], [1, 1, 1]], cells = [2, 2, 2] }";
+        support(&format!("point = true\nbind = {{ group = {group} }}")).replace(layer, "\"t.msh\"")
+    };
+    for (scene, words) in [
+        (support(all), "`body.a.support.s.plane`: missing; give exactly one of: plane, axis, point"),
+        (
+            support(&format!("plane = [1, 0, 0]\npoint = true\n{all}")),
+            "given together with `plane`; give only one of them",
+        ),
+        (support("point = true"), "`body.a.support.s.bind`: missing"),
+        (support(&format!("plane = [0, 0, 0]\n{all}")), "`body.a.support.s.plane`: is zero; give the three components"),
+        (support(&format!("axis = [0, nan, 0]\n{all}")), "`body.a.support.s.axis[1]`: is NaN"),
+        (support(&format!("point = false\n{all}")), "`body.a.support.s.point`"),
+        (support(&format!("point = true\nplan = 1\n{all}")), "unknown key"),
+        (
+            support("plane = [1, 0, 0]\nbind = { box = [[5, 5, 5], [6, 6, 6]] }"),
+            "`body.a.support.s.bind`: no node lies in the region: the support holds nothing; enlarge the region",
+        ),
+        (
+            support(&format!("point = true\n{all}")),
+            "`body.a.support`: cores and supports hold all nodes: nothing is left free to move",
+        ),
+        (
+            support(&format!("plane = [0, 1, 0]\n{low}\n")) + &core(""),
+            "`body.a.support.s.bind`: all nodes in the region are attached to cores: none is left for the support",
+        ),
+        (
+            support(&format!("plane = [0, 1, 0]\n{all}\n")) + &core("motion = \"dynamic\""),
+            "`body.a.support.s.bind`: node 0 is attached to the dynamic core \"c\", which no support can hold",
+        ),
+        (
+            support(&format!("plane = [0, 1, 0]\n{low}\n")) + &core("").replace("\"c\"", "\"s\""),
+            "`body.a.support.s.name`: \"s\" is taken by another core or support",
+        ),
+        (
+            "[[body]]\nname = \"a\"\nsurface = \"cube.obj\"\nreactions = true\n".into(),
+            "`body.a.reactions`: belongs to a soft body, and this one is rigid; remove it",
+        ),
+        (
+            support("point = true\nbind = { group = \"left\" }"),
+            "there is no group \"left\" with nodes; the body's mesh has no groups",
+        ),
+        (
+            of_file("\"right\""),
+            "`body.a.support.s.bind`: there is no group \"right\" with nodes; the file's groups are 5 \"left\" (faces), 7 \
+             (volumes)",
+        ),
+        (of_file("7"), "cores and supports hold all nodes"),
+        (support("point = true\nbind = { nodes = [99] }"), "node 99 does not exist: the layer has 27 nodes"),
+    ] {
+        let message = refusal(folder.path(), &scene);
+        assert!(message.contains(words), "expected `{words}` in: {message}");
+    }
+    let file = folder.path().join("good.toml");
+    fs::write(&file, of_file("\"left\"")).unwrap();
+    let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1"]);
+    assert!(output.status.success(), "a good support: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn what_is_most_likely_a_mistake_is_noted() {
     let folder = folder();
     let file = folder.path().join("odd.toml");

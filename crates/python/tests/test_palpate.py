@@ -332,3 +332,24 @@ def test_every_public_name_is_documented() -> None:
         for member, value in vars(public).items():
             if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, property)):
                 assert inspect.getdoc(value), f"{name}.{member}"
+
+
+def test_reactions_carry_the_weight() -> None:
+    low = {"box": [[-1.0, -1.0, -1.0], [1.0, 1e-6, 1.0]]}
+    block = {
+        "name": "block",
+        "layer": {"box": [[0.0, 0.0, 0.0], [0.04, 0.04, 0.04]], "cells": [3, 3, 3]},
+        "material": {"young": 2e4, "poisson": 0.45, "density": 1000.0, "damping_mass": 30.0},
+        "support": [
+            {"name": "floor", "plane": [0.0, 1.0, 0.0], "bind": low},
+            {"name": "pin", "point": True, "bind": {"nodes": [0]}},
+        ],
+    }
+    simulation = Simulation(Scene({"step": {"dt": 0.01}, "body": [block]}))
+    report = simulation.run(1.5)[-1]
+    assert list(report.reactions) == ["block.floor", "block.pin"]
+    floor, pin = report.reactions.values()
+    assert floor.force[0] == floor.force[2] == 0.0
+    weight = 1000.0 * 0.04**3 * 9.81
+    assert np.allclose(floor.force + pin.force, [0.0, weight, 0.0], atol=1e-5 * weight)
+    assert np.allclose(floor.torque + pin.torque, np.cross([0.02, 0.02, 0.02], [0.0, weight, 0.0]), atol=2e-3 * weight)

@@ -1,16 +1,16 @@
 //! Reads the physical groups of a mesh file of the mesh generator Gmsh: their names and, in version 4.1 of the file
-//! format (MSH), the group that each volume is in. An *entity* is a point, curve, surface or volume of the geometry, a
+//! format (MSH), the groups that each entity is in. An *entity* is a point, curve, surface or volume of the geometry, a
 //! *tag* is the number of an entity, and a *physical group* is a set of entities with a number.
 
 use std::collections::HashMap;
 
 use super::super::cursor::{Cursor, short};
-use super::super::tetrahedra::Contents;
+use super::super::tetrahedra::{Contents, VOLUME};
 use super::{real, whole};
 use crate::Result;
 
-/// Number of dimensions of a volume; only groups of volumes contain tetrahedra.
-const VOLUME: usize = 3;
+/// For each entity, by its number of dimensions and its tag, the physical groups that it is in.
+pub(super) type Entities = HashMap<(i64, i64), Vec<i64>>;
 
 /// Reads the section `$PhysicalNames`, which is text in binary files too. Each line has the dimension of a group's
 /// entities, the group's number and its quoted name.
@@ -28,23 +28,27 @@ pub(super) fn names(cursor: &mut Cursor, file: &mut Contents) -> Result<()> {
         let (dimension, number): (usize, i64) = (cursor.parse(dimension, WHAT)?, cursor.parse(number, WHAT)?);
         if dimension == VOLUME {
             file.groups.insert(number, name.into());
+        } else {
+            file.other_groups.insert((dimension, number), name.into());
         }
     }
     cursor.expect("$EndPhysicalNames")
 }
 
-/// Reads the section `$Entities` of MSH 4.1, and returns the first physical group of each volume, by the volume's tag.
-/// Adds a note for a volume that is in several groups.
-pub(super) fn volumes(cursor: &mut Cursor, file: &mut Contents) -> Result<HashMap<i64, i64>> {
+/// Reads the section `$Entities` of MSH 4.1, and returns the physical groups of each entity that is in any. Adds a note for
+/// a volume that is in several groups.
+pub(super) fn entities(cursor: &mut Cursor, file: &mut Contents) -> Result<Entities> {
     let counts = whole(cursor, "the counts of $Entities", 0, 4)?;
     let mut groups = HashMap::new();
     for (dimension, &count) in counts[..=VOLUME].iter().enumerate() {
         for _ in 0..cursor.natural(count, "a count of $Entities")? {
             let (tag, physical) = entity(cursor, dimension)?;
-            let (VOLUME, Some(&first)) = (dimension, physical.first()) else { continue };
+            if physical.is_empty() {
+                continue;
+            }
             // The file gives a group's number with a minus sign where the entity's orientation is reversed.
-            groups.insert(tag, first.abs());
-            if physical.len() > 1 {
+            groups.insert((dimension as i64, tag), physical.iter().map(|group| group.saturating_abs()).collect());
+            if dimension == VOLUME && physical.len() > 1 {
                 let all: Vec<String> = physical.iter().map(i64::to_string).collect();
                 let all = all.join(", ");
                 file.notes.push(format!("volume {tag} is in physical groups {all}; the first is used"));
@@ -121,6 +125,11 @@ mod tests {
         let mesh = v2("2\n2 5 \"skin\"\n3 7 \"soft fat\"", "1 4 2 7 1 1 2 3 4\n2 4 2 0 1 2 3 4 5").unwrap();
         assert_eq!(mesh.groups.of, [Some(7), None]);
         assert_eq!(mesh.groups.names, [(7, "soft fat".to_string())].into());
+        let named: Vec<String> = mesh.groups.of_nodes.iter().map(|group| group.to_string()).collect();
+        assert_eq!(named, ["7 \"soft fat\" (volumes)"]);
+        let mesh = v2("1\n2 5 \"skin\"", "1 2 2 5 1 2 3 4\n2 4 2 0 1 2 3 4 5").unwrap();
+        let [skin] = &mesh.groups.of_nodes[..] else { panic!("{:?}", mesh.groups) };
+        assert_eq!((skin.to_string().as_str(), &skin.nodes[..]), ("5 \"skin\" (faces)", &[1, 2, 3][..]));
         assert_eq!(v2("0", "1 4 0 1 2 3 4\n2 4 1 3 2 3 4 5").unwrap().groups.of, [None, Some(3)]);
     }
 
@@ -131,6 +140,17 @@ mod tests {
         assert_eq!(mesh.groups.of, [None, Some(5)]);
         assert_eq!(mesh.groups.names, [(5, "fat".to_string())].into());
         assert!(mesh.notes.iter().any(|note| note.contains("volume 8 is in physical groups -5, 6; the first")));
+        let [fat] = &mesh.groups.of_nodes[..] else { panic!("{:?}", mesh.groups) };
+        assert_eq!((fat.to_string().as_str(), &fat.nodes[..]), ("5 \"fat\" (volumes)", &[1, 2, 3, 4][..]));
+        // A point, a line and a triangle, on entities that are in one, two and no groups.
+        let text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n1 1 1 1\n1 0 0 0 1 4\n1 0 0 0 1 1 1 2 4 9 0\n\
+                    1 0 0 0 1 1 1 0 0\n1 0 0 0 1 1 1 0 0\n$EndEntities\n$Nodes\n1 4 1 4\n3 1 0 4\n1\n2\n3\n4\n0 0 0\n1 0 0\n\
+                    0 1 0\n0 0 1\n$EndNodes\n$Elements\n4 4 1 4\n0 1 15 1\n1 1\n1 1 1 1\n2 1 3\n2 1 2 1\n3 2 3 4\n\
+                    3 1 4 1\n4 1 2 3 4\n$EndElements\n";
+        let mesh = parse(text.as_bytes(), Path::new("t.msh")).unwrap();
+        let all: Vec<_> = mesh.groups.of_nodes.iter().map(|group| (group.to_string(), group.nodes.clone())).collect();
+        let want = [("4 (points)", vec![0]), ("4 (lines)", vec![0, 2]), ("9 (lines)", vec![0, 2])];
+        assert_eq!(all, want.map(|(name, nodes)| (name.to_string(), nodes)));
     }
 
     #[test]
@@ -161,7 +181,7 @@ mod tests {
                 Some(if big { crate::scene::cursor::Order::Big } else { crate::scene::cursor::Order::Little });
             cursor.i32("one").unwrap();
             cursor.expect("$Entities").unwrap();
-            assert_eq!(super::volumes(&mut cursor, &mut file).unwrap(), [(2, 4)].into());
+            assert_eq!(super::entities(&mut cursor, &mut file).unwrap(), [((3, 2), vec![4, 9])].into());
         }
     }
 
