@@ -74,6 +74,14 @@ struct Rigid {
     float carried_residual[6];          // b - A x of the last accepted step, which the next step's b includes
 };
 
+// A node of a soft body, where supports hold nodes or reactions are reported (shared/support.glsl).
+struct Supported {
+    vec4 left;                  // xyz: unit normal of the plane, or unit direction of the line, that supports leave to it,
+                                // world axes; w: SUPPORT_*
+    vec3 taken;                 // what its supports take from its right-hand side, N s
+    vec3 impulse;               // impulse that holds it in the step, N s
+};
+
 // The part of a rigid body's state that conjugate gradient iterations change. There are two sets: an iteration reads
 // one and writes the other.
 struct RigidIterate {

@@ -72,8 +72,7 @@ layout(scalar) writeonly buffer BlockTurns { vec4 block_turns[]; };        // ro
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
 layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
-READ_ONLY(vec4, node_supports);
-layout(scalar) writeonly buffer HeldRhs { vec4 held_rhs[]; };        // what a node's supports take from its b
+layout(scalar) buffer SupportedNodes { Supported supported[]; };
 
 const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (shared/preconditioner.glsl)
 // Share of the trace of D^-1 that takes the place of its entries along directions that supports take from a node; more
@@ -177,9 +176,9 @@ void main() {
         vec4 support = vec4(0.0);
         if (CONTACT) add_contacts(node.x, b, e, a, c);
         if (SUPPORTS) {
-            support = fetch(node_supports, i);
+            support = supported[i].left;
             vec3 along = along_support(support, b);
-            held_rhs[i] = vec4(b - along, 0.0);
+            supported[i].taken = b - along;
             b = along;
             e = magnitudes_along_support(support, e);
             restrict_block(support, 0.0, without_contacts, without_contacts_off);

@@ -38,7 +38,7 @@ layout(scalar) buffer Velocity { vec4 velocity[]; };
 layout(scalar) buffer Displacement { vec4 displacement[]; };
 layout(scalar) buffer Trend { vec4 trend[]; };            // minus the last step's solution before, x minus that after
 layout(scalar) writeonly buffer CarriedResidual { vec4 carried_residual[]; };      // carried residual b - A x
-READ_ONLY(vec4, node_supports);
+layout(scalar) readonly buffer SupportedNodes { Supported supported[]; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -52,7 +52,7 @@ void main() {
     vec4 support = vec4(0.0);
     if (SUPPORTS) {
         // What rounding leaves of x along the other directions would add up.
-        support = fetch(node_supports, i);
+        support = supported[i].left;
         v = along_support(support, v);
     }
     vec4 undone;

@@ -17,8 +17,8 @@
 // of the nodes' 3x3 diagonal blocks of A. MODE selects p, the two inner products and what some buffers hold:
 //   GATHER_WARM_START, before the loop: p the last solution or the trend d, which is the difference of the last two
 //     solutions; p . b, p . w and d . w, without the rows of cores and tool; `residual_or_rhs` is b.
-//   GATHER_LOOP, in an iteration: p = u = M^-1 r; r . u, w . u, including the rows of cores and tool; `preconditioned`
-//     is u, `residual_or_rhs` is r.
+//   GATHER_LOOP, in an iteration: p = u = M^-1 r; r . u, w . u, including the rows of cores and tool; `residual_or_rhs`
+//     is r.
 //   GATHER_END, after the loop: p the solution x; r . D^-1 r with r = b - w; and e . M^-1 e, where e = HALF_ULP D x
 //     estimates the rounding error of w that follows from rounding of x; `residual_or_rhs` is b.
 // One workgroup runs for each block of free nodes, for each block of attached nodes, or for the tool's six rows: these
@@ -58,7 +58,6 @@ layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Contacts { Contact contacts[]; };
 READ_ONLY(vec4, contact_forces);
 READ_ONLY(vec4, change);          // p
-READ_ONLY(vec4, preconditioned);
 READ_ONLY(vec4, trend);
 READ_ONLY(vec4, residual_or_rhs);
 READ_ONLY(vec4, inverse);         // D^-1, two texels per node
@@ -74,9 +73,7 @@ layout(scalar) readonly buffer SolveIn { Solve solve; };
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
 layout(scalar) readonly buffer JointSides { uint joint_sides[]; };     // joints of each core: 2 * joint + side (0 or 1)
-READ_ONLY(vec4, node_supports);
-READ_ONLY(vec4, held_rhs);        // what a node's supports take from its b, from solve/assemble
-layout(scalar) writeonly buffer HoldingImpulses { vec4 holding_impulses[]; };      // impulse that holds each node, N s
+layout(scalar) buffer SupportedNodes { Supported supported[]; };       // GATHER_END writes the impulses that hold the nodes
 
 const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (shared/preconditioner.glsl)
 
@@ -159,8 +156,8 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
         else w += gather_elements(node.y, node.z);
         if (CONTACT) w += gather_contacts(node.x);
         if (SUPPORTS && ROLE == FREE_NODES) {
-            vec3 along = along_support(fetch(node_supports, i), w);
-            if (MODE == GATHER_END) holding_impulses[i] = vec4(w - along - fetch(held_rhs, i).xyz, 0.0);
+            vec3 along = along_support(supported[i].left, w);
+            if (MODE == GATHER_END) supported[i].impulse = w - along - supported[i].taken;
             w = along;
         }
         operator_product[i] = vec4(w, 0.0);
@@ -175,8 +172,7 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
             sums += vec3(dot(p, fetch(residual_or_rhs, i).xyz), dot(p, w), dot(fetch(trend, i).xyz, w));
         } else if (MODE == GATHER_LOOP) {
             r = fetch(residual_or_rhs, i).xyz;
-            vec3 u = fetch(preconditioned, i).xyz;
-            sums.xy += vec2(dot(r, u), dot(w, u));
+            sums.xy += vec2(dot(r, p), dot(w, p));
         } else {
             r = fetch(residual_or_rhs, i).xyz - w;
             vec3 lost = HALF_ULP * p, e = lost / fetch(inverse, 2 * i).xyz;

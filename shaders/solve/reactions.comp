@@ -20,7 +20,7 @@ layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, node_info);                // z: index of the node's frame
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
-READ_ONLY(vec4, holding_impulses);          // impulse that holds each node in the step, N s, from solve/gather
+layout(scalar) readonly buffer SupportedNodes { Supported supported[]; };      // with the impulses of solve/gather
 layout(scalar) readonly buffer Holders { uvec2 holders[]; };       // of each: its nodes, a range of held_nodes
 layout(scalar) readonly buffer HeldNodes { uint held_nodes[]; };
 READ_ONLY(vec4, held_shares);               // of each: rows of the matrix that maps a node's impulse to the holder's share
@@ -35,7 +35,7 @@ void main() {
         uint node = held_nodes[k];
         Frame frame = frames[fetch(node_info, node).z];
         vec3 at = frame.centre + rotate(frame.rotation, fetch(node_rest, node).xyz + fetch(displacement, node).xyz);
-        vec3 impulse = fetch(holding_impulses, node).xyz;
+        vec3 impulse = supported[node].impulse;
         vec3 own = vec3(dot(fetch(held_shares, 3 * k).xyz, impulse), dot(fetch(held_shares, 3 * k + 1).xyz, impulse),
             dot(fetch(held_shares, 3 * k + 2).xyz, impulse)) / params.dt;
         force.xyz += own;

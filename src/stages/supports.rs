@@ -10,7 +10,7 @@ use glam::{DMat3, DQuat};
 
 use super::elastic::Elastic;
 use super::model::{Model, texel};
-use super::{Common, upload, upload_or_nothing, zeros};
+use super::{Common, upload, upload_or_nothing};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
 use crate::prepare::supports::{Freedom, Supports};
@@ -106,12 +106,8 @@ impl Model {
 pub struct SupportArrays {
     kernel: Kernel,
     holder_count: u32,
-    /// Per node what its supports leave to it.
+    /// One [`shaders::Supported`] per node.
     pub(super) nodes: Buffer,
-    /// Per node what its supports take from the right-hand side, N s.
-    pub(super) held_rhs: Buffer,
-    /// Per node the impulse that holds it in the step, N s.
-    pub(super) impulses: Buffer,
     holders: Buffer,
     list: Buffer,
     shares: Buffer,
@@ -126,17 +122,16 @@ impl SupportArrays {
         if held.nodes.is_empty() {
             return Ok(None);
         }
-        let mut nodes = held.nodes.clone();
-        nodes.resize(model.node_rest.len(), [0.0; 4]);
+        let supported = |left: &[f32; 4]| shaders::Supported { left: *left, ..bytemuck::Zeroable::zeroed() };
+        let mut nodes: Vec<shaders::Supported> = held.nodes.iter().map(supported).collect();
+        nodes.resize(model.node_rest.len(), bytemuck::Zeroable::zeroed());
         let ranges: Vec<[u32; 2]> =
             held.holders.iter().map(|holder| [holder.nodes.start as u32, holder.nodes.len() as u32]).collect();
         let holder_count = ranges.len();
         Ok(Some(SupportArrays {
             kernel: Kernel::new(context, "solve/reactions", Size::Reduce, &[])?,
             holder_count: holder_count as u32,
-            held_rhs: zeros::<[f32; 4]>(context, "held_rhs", nodes.len())?,
-            impulses: zeros::<[f32; 4]>(context, "holding_impulses", nodes.len())?,
-            nodes: upload(context, "node_supports", &nodes)?,
+            nodes: upload(context, "supported", &nodes)?,
             holders: upload_or_nothing(context, "holders", &ranges)?,
             list: upload_or_nothing(context, "held_nodes", &held.list)?,
             shares: upload_or_nothing(context, "held_shares", &held.shares)?,
@@ -155,7 +150,7 @@ impl SupportArrays {
             node_info: &elastic.node_info,
             node_rest: &elastic.node_rest,
             displacement: &elastic.displacement,
-            holding_impulses: &self.impulses,
+            supported: &self.nodes,
             holders: &self.holders,
             held_nodes: &self.list,
             held_shares: &self.shares,

@@ -4,6 +4,7 @@
 use glam::{DMat3, DVec3};
 use palpate::internal::gpu::Size;
 use palpate::internal::prepare::Body;
+use palpate::internal::shaders::Supported;
 use palpate::internal::stages::supports::Held;
 use palpate::scene::Preconditioner;
 use palpate_oracle::linear::Solver;
@@ -35,6 +36,10 @@ fn wide(x: [f32; 4]) -> DVec3 {
     DVec3::new(x[0].into(), x[1].into(), x[2].into())
 }
 
+fn three(x: [f32; 3]) -> DVec3 {
+    DVec3::from(x.map(f64::from))
+}
+
 /// Compares vectors at the nodes with the oracle's, body by body.
 fn expect_nodes(what: &str, system: &System, got: &[[f32; 4]], want: &[Vec<f64>], tolerance: f64) {
     for ((body, range), want) in system.model.soft.iter().enumerate().map(|(k, soft)| (k, soft.nodes.clone())).zip(want)
@@ -57,7 +62,7 @@ fn right_hand_side_and_blocks_are_restricted_to_what_supports_leave() {
         let maps: Vec<_> = free.nodes.iter().flatten().collect();
         for (i, left) in projections(s).into_iter().enumerate() {
             // What is left of b and what supports take from it are in orthogonal spaces.
-            let (rhs, taken) = (wide(passes.rhs[i]), wide(passes.held_rhs[i]));
+            let (rhs, taken) = (wide(passes.rhs[i]), three(passes.supported[i].taken));
             let largest = rhs.length() + taken.length();
             assert!((left * taken).length() <= 1e-6 * largest, "node {i}: {taken} is not what supports take");
             assert!((rhs - left * rhs).length() <= 1e-6 * largest, "node {i}: b is {rhs}");
@@ -104,7 +109,7 @@ fn products_are_restricted_and_the_impulses_that_hold_nodes_are_left() {
             let what = format!("{size:?}, assembled {assembled}");
             expect_nodes(&format!("{what}: A x"), s, &passes.operator_product, &want, SUM);
             for (i, left) in left.iter().enumerate() {
-                let (kept, held) = (wide(passes.operator_product[i]), wide(passes.holding_impulses[i]));
+                let (kept, held) = (wide(passes.operator_product[i]), three(passes.supported[i].impulse));
                 let largest = kept.length() + held.length();
                 assert!((*left * held).length() <= 1e-6 * largest, "{what}: node {i} is held by {held}");
                 assert!((kept - *left * kept).length() <= 1e-6 * largest, "{what}: node {i}: A x is {kept}");
@@ -132,7 +137,9 @@ fn expect_held(what: &str, system: System, size: Size, assembled: bool) {
     let h = f64::from(s.params.dt);
     let want: Vec<Vec<f64>> =
         holding.iter().map(|body| body.iter().flat_map(|force| (h * *force).to_array()).collect()).collect();
-    expect_nodes(&format!("{what}: impulses"), s, &passes.holding_impulses, &want, SOLUTION);
+    let impulses: Vec<[f32; 4]> =
+        passes.supported.iter().map(|Supported { impulse: [x, y, z], .. }| [*x, *y, *z, 0.0]).collect();
+    expect_nodes(&format!("{what}: impulses"), s, &impulses, &want, SOLUTION);
     // The reactions are sums over the holders' nodes, with torques about the origin.
     let held: &Held = &s.model.held;
     let got = passes.reactions();
@@ -142,7 +149,7 @@ fn expect_held(what: &str, system: System, size: Size, assembled: bool) {
         for at in holder.nodes.clone() {
             let node = held.list[at] as usize;
             let row = |k: usize| wide(held.shares[3 * at + k]);
-            let impulse = wide(passes.holding_impulses[node]);
+            let impulse = three(passes.supported[node].impulse);
             let own = DVec3::new(row(0).dot(impulse), row(1).dot(impulse), row(2).dot(impulse)) / h;
             (force, torque) = (force + own, torque + places[node].cross(own));
         }

@@ -113,8 +113,7 @@ impl Solve {
                 coarse_scales: Some(&self.coarse_scales),
                 joints: Some(&common.joints),
                 joint_sides: Some(&self.joint_sides),
-                node_supports: self.supports.as_ref().map(|supports| &supports.nodes),
-                held_rhs: self.supports.as_ref().map(|supports| &supports.held_rhs),
+                supported: self.supports.as_ref().map(|supports| &supports.nodes),
             },
             self.block_count,
         );
@@ -289,7 +288,7 @@ impl Solve {
             displacement: &elastic.displacement,
             trend: &self.trend.nodes,
             carried_residual: &self.carried_residual,
-            node_supports: self.supports.as_ref().map(|supports| &supports.nodes),
+            supported: self.supports.as_ref().map(|supports| &supports.nodes),
         };
         recorder.dispatch_indirect(&self.commit, &arguments, &common.args, shaders::ARGS_COMMIT);
     }
@@ -474,7 +473,6 @@ impl Solve {
                 false => &touch.contact_forces,
             }),
             change: Some(change),
-            preconditioned: Some(preconditioned),
             trend: Some(&self.trend.nodes),
             residual_or_rhs: Some(residual_or_rhs),
             inverse: Some(&self.inverse),
@@ -490,9 +488,7 @@ impl Solve {
             coarse_scales: Some(&self.coarse_scales),
             joints: Some(&common.joints),
             joint_sides: Some(&self.joint_sides),
-            node_supports: self.supports.as_ref().map(|supports| &supports.nodes),
-            held_rhs: self.supports.as_ref().map(|supports| &supports.held_rhs),
-            holding_impulses: self.supports.as_ref().map(|supports| &supports.impulses),
+            supported: self.supports.as_ref().map(|supports| &supports.nodes),
         };
         recorder.together(|recorder| {
             for Variant { kernel, groups, args_index } in kernels {

@@ -2,8 +2,9 @@
 //! harness and stores the arrays that the kernel wrote. A block is the set of nodes that one workgroup owns; a dynamic
 //! core is a rigid body inside a soft one, to which nodes are attached and whose motion the solver finds.
 
+use bytemuck::Zeroable;
 use palpate::internal::gpu::Size;
-use palpate::internal::shaders::{Contact, Iteration, RigidIterate};
+use palpate::internal::shaders::{Contact, Iteration, RigidIterate, Supported};
 
 use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
 use super::{Change, Passes};
@@ -25,9 +26,9 @@ impl Passes {
         self.reduce(name).constant("SUPPORTS", self.supports)
     }
 
-    /// Per node what its supports leave to it.
-    fn node_supports(&self) -> &[[f32; 4]] {
-        if self.supports { &self.system.model.held.nodes } else { &[[0.0; 4]] }
+    /// The nodes as the kernels see their supports; a single one where nothing is held.
+    fn supported(&self) -> Vec<Supported> {
+        if self.supports { self.supported.clone() } else { vec![Supported::zeroed()] }
     }
 
     fn rigid_count(&self) -> u32 {
@@ -77,14 +78,13 @@ impl Passes {
             .constant("JOINTS", !self.joints.is_empty())
             .input("joints", &self.joints)
             .input("joint_sides", &self.joint_sides)
-            .input("node_supports", self.node_supports())
-            .partial("held_rhs", &unwritten::<[f32; 4]>(nodes))
+            .partial("supported", &self.supported())
             .groups(blocks)
             .run();
         let roles = self.roles();
         self.rhs = settled("rhs", outcome.get("rhs"), |i| roles[i].is_some());
         self.inverse = settled("inverse", outcome.get("inverse"), |i| roles[i / 2].is_some());
-        self.held_rhs = settled("held_rhs", outcome.get("held_rhs"), |i| self.supports && roles[i].is_some());
+        self.supported = outcome.get("supported");
         let is_kept = |i: usize| (self.contact || self.supports) && self.coarse && roles[i / 2] == Some(FREE);
         self.blocks_without_contacts =
             settled("blocks_without_contacts", outcome.get("blocks_without_contacts"), is_kept);
@@ -228,9 +228,7 @@ impl Passes {
         let (roles, groups) = (self.roles(), self.groups());
         let operator_product = merged("operator_product", &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
         self.operator_product = settled("operator_product", operator_product, |i| roles[i].is_some());
-        let impulses = merged("holding_impulses", &unwritten::<[f32; 4]>(self.nodes()), &outcomes);
-        let holds = |i: usize| self.supports && mode == 2 && roles[i] == Some(FREE);
-        self.holding_impulses = settled("holding_impulses", impulses, holds);
+        self.supported = merged("supported", &self.supported(), &outcomes);
         let dots = merged("dots", &unwritten::<[f32; 2]>(groups), &outcomes);
         self.dots = settled("dots", dots, |_| mode != 0);
         let projections = merged("projections", &unwritten::<[f32; 4]>(groups), &outcomes);
@@ -272,7 +270,6 @@ impl Passes {
             .input("contacts", &s.contacts)
             .input("contact_forces", &self.contact_forces)
             .input("change", vector)
-            .input("preconditioned", &self.preconditioned)
             .input("trend", &self.trend)
             .input("residual_or_rhs", residual_or_rhs)
             .input("inverse", &self.inverse)
@@ -289,9 +286,7 @@ impl Passes {
             .constant("JOINTS", !self.joints.is_empty())
             .input("joints", &self.joints)
             .input("joint_sides", &self.joint_sides)
-            .input("node_supports", self.node_supports())
-            .input("held_rhs", &self.held_rhs)
-            .partial("holding_impulses", &unwritten::<[f32; 4]>(self.nodes()))
+            .partial("supported", &self.supported())
             .push(&if mode == 1 { self.state.current } else { 0 })
             .groups(variant.groups)
             .run()
@@ -538,7 +533,7 @@ impl Passes {
             .input("node_info", &s.model.node_info)
             .input("node_rest", &s.model.node_rest)
             .input("displacement", &s.displacement)
-            .input("holding_impulses", &self.holding_impulses)
+            .input("supported", &self.supported)
             .input("holders", &holders)
             .input("held_nodes", &held.list)
             .input("held_shares", &held.shares)
@@ -554,7 +549,7 @@ impl Passes {
             .constant("NODES", self.nodes() as u32)
             .constant("RIGIDS", self.rigid_count())
             .constant("SUPPORTS", self.supports)
-            .input("node_supports", self.node_supports())
+            .input("supported", &self.supported())
             .input("params", &[s.params])
             .input("frames", &s.frames)
             .input("node_info", &s.model.node_info)

@@ -9,7 +9,7 @@ mod side_by_side;
 use bytemuck::Zeroable;
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve};
+use palpate::internal::shaders::{Iteration, Joint, NONE, Report, Rigid, RigidIterate, Solve, Supported};
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::edges::Edges;
 
@@ -55,10 +55,8 @@ pub struct Passes {
     pub rhs: Vec<[f32; 4]>,
     pub inverse: Vec<[f32; 4]>,
     pub blocks_without_contacts: Vec<[f32; 4]>,
-    /// What the supports of each node take from its right-hand side.
-    pub held_rhs: Vec<[f32; 4]>,
-    /// The impulse that holds each node.
-    pub holding_impulses: Vec<[f32; 4]>,
+    /// The nodes with what supports leave to them, where `supports` is true.
+    pub supported: Vec<Supported>,
     pub solution: Vec<[f32; 4]>,
     pub trend: Vec<[f32; 4]>,
     /// Residual. The kernels write two sets of iterates in turn; this vector and the next three belong to the newer
@@ -136,8 +134,7 @@ impl Passes {
             rhs: zeros.clone(),
             inverse: vec![[0.0; 4]; 2 * nodes],
             blocks_without_contacts: vec![[0.0; 4]; 2 * nodes],
-            held_rhs: zeros.clone(),
-            holding_impulses: zeros.clone(),
+            supported: (model.held.nodes.iter()).map(|left| Supported { left: *left, ..Supported::zeroed() }).collect(),
             solution: zeros.clone(),
             trend: zeros.clone(),
             residual: zeros.clone(),
