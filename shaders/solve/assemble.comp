@@ -18,7 +18,7 @@
 // delta, rate delta', normal n, friction c and tangential velocity v_t. A frame is a rigid coordinate frame.
 //
 // The kernel writes:
-// - the right-hand side b of each node: h m g - h alpha m v, plus the sum over its elements of what
+// - the right-hand side b of each node: h m g - h alpha m v, plus h times the loads on it, plus the sum over its elements of what
 //   elastic/element_forces and elastic/mean_dilatation write, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
 //   residual b - A x of the last solve. Were this residual not carried over, its impulse would be lost in every step,
 //   always in the same smooth motions: iterations after a warm start reduce the residual of smooth motions last.
@@ -41,6 +41,8 @@ layout(constant_id = 5) const uint TETRAHEDRA = 0;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const bool JOINTS = false;
 layout(constant_id = 9) const bool SUPPORTS = false;         // whether some nodes are supported (shared/support.glsl)
+layout(constant_id = 10) const bool LOADS = false;
+layout(constant_id = 11) const uint NODES = 0;              // number of nodes, behind which external_forces has the cores
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(scalar) readonly buffer Params { StepParams params; };
@@ -72,6 +74,7 @@ layout(scalar) writeonly buffer BlockTurns { vec4 block_turns[]; };        // ro
 READ_ONLY(vec4, coarse_scales);
 layout(scalar) readonly buffer Joints { Joint joints[]; };
 layout(scalar) readonly buffer JointSides { uint joint_sides[]; };
+READ_ONLY(vec4, external_forces);      // loads on nodes, then force and torque on each dynamic core (elastic/loads)
 layout(scalar) buffer SupportedNodes { Supported supported[]; };
 
 const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (shared/preconditioner.glsl)
@@ -147,6 +150,11 @@ void main() {
         float damping = node_damping(node);
         vec3 b = h * (rest.w * params.gravity - damping * v) + fetch(carried_residual, i).xyz;
         vec3 e = abs(h * rest.w * params.gravity) + abs(h * damping * v);
+        if (LOADS) {
+            vec3 load = h * fetch(external_forces, i).xyz;
+            b += load;
+            e += abs(load);
+        }
         // The node's diagonal block: xx yy zz in `a`, xy xz yz in `c`.
         vec3 a = vec3(rest.w + h * damping), c = vec3(0.0);
         for (uint k = 0; k < node.z; k++) {
@@ -220,6 +228,10 @@ void main() {
         Rigid rigid = rigids[block.rigid];
         if (lane == 0 && gl_WorkGroupID.x == rigid.block_first) {
             coarse_vector.c1 += frames[block.frame].gyroscopic;
+            if (LOADS) {
+                coarse_vector.c0 += h * fetch(external_forces, NODES + 2 * block.rigid).xyz;
+                coarse_vector.c1 += h * fetch(external_forces, NODES + 2 * block.rigid + 1).xyz;
+            }
             if (TOOL_CORE != NONE && block.rigid == TOOL_CORE) {
                 coarse_vector.c0 += vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]);
                 coarse_vector.c1 += vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]);

@@ -135,6 +135,7 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
     let pinned = (0..model.held.nodes.len())
         .filter(|n| model.held.nodes[*n][3] as u32 == SUPPORT_HELD && model.is_free(*n))
         .count();
+    let loads = model.loads.sources.len();
     let (supported, reactions) = (supported.count() + pinned, model.held.holders.len());
     add(
         "supports",
@@ -142,6 +143,7 @@ fn of_layers(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &st
         format!("{supported} nodes may move only along planes or lines, or not at all"),
         "no [[body.support]]",
     );
+    add("loads", loads > 0, format!("{loads} forces, tractions, pressures and torques"), "no [[body.load]]");
     add(
         "reactions",
         reactions > 0,

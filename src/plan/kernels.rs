@@ -44,6 +44,8 @@ pub fn why_not(kernel: &str, model: &Model, graphics: bool) -> Option<&'static s
         "solve/stiffness_blocks" if model.assembles => "no tetrahedron deforms",
         "solve/stiffness_blocks" if model.patches.count() > 0 => "F-bar patches need the matrix-free operator",
         "solve/stiffness_blocks" => "solver.operator is matrix-free, or there are too many nodes for a matrix",
+        "elastic/loads" if model.loads.sources.is_empty() => "there are no loads",
+        "elastic/pressures" => "there is no pressure",
         "solve/reactions" if model.held.holders.is_empty() => "no body reports reactions",
         "solve/commit" if model.node_rest.is_empty() => "no nodes",
         "wrench/gap" if model.tool_frame.is_none() => "a body of the scene is the tool",

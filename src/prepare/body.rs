@@ -11,7 +11,8 @@ use super::prepared::{Prepared, Recipe};
 use super::repair::{Refusal, RepairReport};
 use super::report::{Log, Stage, Watch};
 use super::{
-    Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, mass, materials, patch, proxies, repair, ride, skin,
+    Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, loads, mass, materials, patch, proxies, repair, ride,
+    skin,
 };
 use crate::scene::obj::TriangleMesh;
 use crate::scene::{self, Dilatation, MaterialLaw, Motion, Scene, Surface, ToolShape};
@@ -50,7 +51,7 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
         scene::Shape::Rigid { surface } => (Some(surface), None),
         scene::Shape::Plane { normal, offset } => {
             let shape = Shape::Plane { normal: *normal, offset: *offset };
-            return Ok(placed(body, shape, BodyReport::default()));
+            return Ok(placed(body, shape, Vec::new(), BodyReport::default()));
         }
     };
     let recipe = Recipe { surface, layer, hulls: body.hulls };
@@ -60,10 +61,16 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     log.filling = prepared.filling.clone();
     let made = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
-        None => rigid(prepared, body.scale, motion(&body.cores, body.scale))
-            .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume")),
+        None => {
+            let loads =
+                loads::loads(body, None, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
+            let shape = rigid(prepared, body.scale, motion(&body.cores, body.scale))
+                .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?;
+            Ok((shape, loads))
+        }
     })?;
-    Ok(placed(body, made?, report))
+    let (shape, loads) = made?;
+    Ok(placed(body, shape, loads, report))
 }
 
 /// A note on a body so large or so small that its file is most likely in another unit than metres.
@@ -95,13 +102,14 @@ fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log
     BodyReport { repair: prepared.repair.clone(), notes }
 }
 
-fn placed(body: &scene::Body, shape: Shape, report: BodyReport) -> Body {
+fn placed(body: &scene::Body, shape: Shape, loads: Vec<loads::Load>, report: BodyReport) -> Body {
     Body {
         name: body.name.clone(),
         shape,
         position: body.position,
         orientation: body.orientation,
         velocity: body.velocity,
+        loads,
         report,
     }
 }
@@ -140,6 +148,7 @@ pub fn watched_tool<'a>(tool: &scene::Tool, scene: &Scene, cache: &Cache, watch:
         position: tool.position,
         orientation: tool.orientation,
         velocity: tool.velocity,
+        loads: Vec::new(),
         report,
     })
 }
@@ -222,12 +231,14 @@ fn rigid(prepared: Prepared, scale: f64, motion: FrameMotion) -> std::result::Re
 }
 
 /// Makes the deformable shape of a prepared layer and skin.
-fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
+fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<(Shape, Vec<loads::Load>)> {
     let mut layer = prepared.layer.unwrap_or_default();
     let materials = materials::materials(keys, body, &layer, &prepared.groups)?;
     let mesh = cores::Numbered { numbers: &prepared.node_numbers, groups: &prepared.groups };
     let (node_frames, supports) =
         cores::bind(body, &mut layer, &mesh, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
+    let soft = Some((&layer, &prepared.embedding[..], &mesh));
+    let loads = loads::loads(body, soft, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
     if body.dilatation == Dilatation::Patch {
         if materials.all.iter().any(|material| material.law != MaterialLaw::Corotational) {
@@ -249,7 +260,8 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<Shape> {
         .map_err(|(key, problem, remedy)| keys.error(&key, problem, remedy))?;
     let scaled_joint = |joint: &scene::Joint| scene::Joint { point: body.scale * joint.point, ..*joint };
     let joints = body.joints.iter().map(scaled_joint).collect();
-    Ok(Shape::Soft { layer, frames, node_frames, supports, joints, materials, embedding, skin, proxies })
+    let shape = Shape::Soft { layer, frames, node_frames, supports, joints, materials, embedding, skin, proxies };
+    Ok((shape, loads))
 }
 
 /// Motion of a rigid body, which its only core defines; a body without core is fixed.

@@ -19,6 +19,7 @@ pub mod embed;
 pub mod hull;
 mod lattice;
 pub mod layer;
+pub mod loads;
 pub mod mass;
 mod materials;
 pub mod model;
@@ -67,6 +68,8 @@ pub struct Body {
     pub orientation: DQuat,
     /// Initial velocity in world axes, m/s.
     pub velocity: DVec3,
+    /// Loads on the body.
+    pub loads: Vec<loads::Load>,
     /// Findings in the body's files, and the changes made to their contents.
     pub report: BodyReport,
 }

@@ -107,6 +107,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         repair: true,
         joints: Vec::new(),
         supports: Vec::new(),
+        loads: Vec::new(),
         reactions: None,
         skeleton: None,
     };

@@ -14,8 +14,8 @@ use super::meshes::Meshes;
 use super::reference;
 use super::tetrahedra::EXTENSIONS;
 use super::{
-    Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, joint, skeleton, support,
-    trajectory,
+    Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, joint, loads, skeleton,
+    support, trajectory,
 };
 use crate::Result;
 
@@ -74,6 +74,7 @@ fn body(value: &Value) -> Result<Body> {
         Shape::Rigid { .. } => vec![rigid_core(&table, &name)?],
         Shape::Plane { .. } => Vec::new(),
     };
+    let only_core = matches!(shape, Shape::Rigid { .. }).then_some(name.as_str());
     let joints = joint::read(&table, skeleton.as_ref(), &cores)?;
     if !matches!(
         shape,
@@ -103,6 +104,7 @@ fn body(value: &Value) -> Result<Body> {
         cores,
         joints,
         supports: support::read(&table)?,
+        loads: loads::read(&table, only_core)?,
         reactions: table.option("reactions", Value::truth)?,
         repair: table.or("repair", true, Value::truth)?,
         skeleton,

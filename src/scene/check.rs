@@ -246,7 +246,8 @@ pub fn probe_name(name: &str, others: &[Probe]) -> Check {
     Ok(())
 }
 
-fn vector(x: DVec3) -> Check {
+/// Checks the three numbers of a vector.
+pub(super) fn vector(x: DVec3) -> Check {
     for (k, x) in x.to_array().into_iter().enumerate() {
         finite(x).under(format!("[{k}]"))?;
     }
@@ -442,6 +443,9 @@ impl Body {
         for (k, joint) in self.joints.iter().enumerate() {
             self.check_joint(k, joint).under(format!("joint[{k}]"))?;
         }
+        for (k, load) in self.loads.iter().enumerate() {
+            load.check(&self.cores, &self.loads[..k]).under(format!("load.{}", load.name))?;
+        }
         for (k, support) in self.supports.iter().enumerate() {
             support.check(&self.cores, &self.supports[..k]).under(format!("support.{}", support.name))?;
         }
@@ -499,6 +503,7 @@ impl Body {
                 let given = [
                     ("core", !self.cores.is_empty()),
                     ("hulls", self.hulls.is_some()),
+                    ("load", !self.loads.is_empty()),
                     ("scale", self.scale != 1.0),
                     ("position", self.position != DVec3::ZERO),
                     ("orientation", self.orientation != DQuat::IDENTITY),

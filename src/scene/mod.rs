@@ -25,6 +25,7 @@ mod haptics;
 mod joint;
 mod keys;
 mod load;
+mod loads;
 mod material;
 #[doc(hidden)]
 pub mod meshes;
@@ -72,6 +73,7 @@ pub use haptics::{Dialect, HaplyService};
 #[doc(hidden)]
 pub use haptics::{NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
 pub use joint::{Joint, Resistance};
+pub use loads::{Load, LoadKind};
 pub use material::{Group, Material, MaterialLaw, Place, Region};
 pub use model::Model;
 pub use profile::Profile;
@@ -278,6 +280,8 @@ pub struct Body {
     pub joints: Vec<Joint>,
     /// Supports of a soft body, which hold nodes of its layer from outside.
     pub supports: Vec<Support>,
+    /// Loads on the body.
+    pub loads: Vec<Load>,
     /// Whether steps report what holds the body: force and torque of its fixed and driven cores and of its supports.
     /// `None`: they do if the body has supports.
     pub reactions: Option<bool>,
@@ -305,6 +309,7 @@ impl Body {
             cores,
             joints: Vec::new(),
             supports: Vec::new(),
+            loads: Vec::new(),
             reactions: None,
             repair: true,
             skeleton: None,

@@ -43,9 +43,9 @@ const fn key(name: &'static str, value: &'static str, default: &'static str, mea
 }
 
 /// All tables, in the order in which the page `docs/reference/scene.md` lists them.
-pub const TABLES: [&TableKeys; 24] = [
+pub const TABLES: [&TableKeys; 25] = [
     &ROOT, &STEP, &SOLVER, &CONTACT, &BODY, &MODEL, &MESH, &LAYER, &MATERIAL, &REGION, &CORE, &HINGE, &BIND, &SUPPORT,
-    &JOINT, &TOOL, &COUPLING, &DRIVE, &HAPTICS, &HAND, &HAPLY, &PROBE, &SKELETON, &BONE,
+    &LOAD, &JOINT, &TOOL, &COUPLING, &DRIVE, &HAPTICS, &HAND, &HAPLY, &PROBE, &SKELETON, &BONE,
 ];
 
 /// The root of a scene file.
@@ -283,6 +283,7 @@ pub const BODY: TableKeys = TableKeys {
             "(none)",
             "Nodes of a soft body that may move only along a plane or a line, or not at all.",
         ),
+        key("load", "array of tables", "(none)", "Forces, tractions, pressures and torques on the body."),
         key(
             "reactions",
             "true or false",
@@ -496,6 +497,43 @@ pub const SUPPORT: TableKeys = TableKeys {
         key("axis", "[x, y, z]", ONE_OF, "Direction of the lines along which the nodes may move."),
         key("point", "true", ONE_OF, "The nodes do not move."),
         key("bind", "table", REQUIRED, "Which nodes are held."),
+    ],
+};
+
+/// Keys of `[[body.load]]`.
+pub const LOAD: TableKeys = TableKeys {
+    heading: "[[body.load]]",
+    meaning: "A force on a body, besides its weight; vectors are in world axes. What acts on nodes that do not move counts \
+             in the reactions alone. The loads of a dynamic rigid body act on the body, and have neither `bind` nor `core`.",
+    keys: &[
+        key("name", "a name", REQUIRED, "Name of the load, unique among the body's loads."),
+        key(
+            "force",
+            "[x, y, z], N",
+            ONE_OF,
+            "A force, which the nodes share equally, or which acts on the core's middle.",
+        ),
+        key(
+            "traction",
+            "[x, y, z], Pa",
+            ONE_OF,
+            "A force per area at rest, on the triangles of the skin whose corners all lie in `bind`.",
+        ),
+        key(
+            "pressure",
+            "Pa",
+            ONE_OF,
+            "A pressure on such triangles, against the outward normal; it turns and grows with them.",
+        ),
+        key("torque", "[x, y, z], N m", ONE_OF, "A torque on the core."),
+        key("bind", "table", ONE_OF, "The nodes, or the part of the skin."),
+        key("core", "a name", ONE_OF, "The dynamic core on which a force or a torque acts."),
+        key(
+            "factors",
+            "array of [t, factor]",
+            "(1 at all times)",
+            "Factors of the load over time (s); linear in between, constant before and after.",
+        ),
     ],
 };
 
@@ -743,7 +781,7 @@ mod tests {
 
     /// For each tested table the scenes that test its keys, in which `@` stands where a key is put in; a table may have
     /// several scenes, since some keys exclude each other. After another key of an inline table the mark is `, @`.
-    const SCENES: [(&TableKeys, &[&str]); 14] = [
+    const SCENES: [(&TableKeys, &[&str]); 15] = [
         (&STEP, &["[step]\n@"]),
         (&SOLVER, &["[solver]\n@"]),
         (&CONTACT, &["[contact]\n@"]),
@@ -780,6 +818,12 @@ mod tests {
             &["[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
               material = { young = 1, poisson = 0, density = 1 }\n\
               [[body.support]]\nname = \"c\"\npoint = true\nbind = { all = true }\n@"],
+        ),
+        (
+            &LOAD,
+            &["[[body]]\nname = \"b\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
+              material = { young = 1, poisson = 0, density = 1 }\n\
+              [[body.load]]\nname = \"c\"\npressure = 1\nbind = { all = true }\n@"],
         ),
         (
             &JOINT,

@@ -22,6 +22,7 @@ mod flags;
 pub mod gap;
 pub mod joints;
 mod layers;
+pub mod loads;
 pub mod material_law;
 pub mod mean_dilatation;
 pub mod model;

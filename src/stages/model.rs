@@ -20,6 +20,7 @@ use super::contact_law::Law;
 use super::gap;
 use super::joints::Joint;
 use super::layers::OF_PATCH;
+use super::loads::Loads;
 use super::mean_dilatation::Patches;
 use super::supports::Held;
 use crate::prepare::patch::MOST_NODES;
@@ -161,6 +162,8 @@ pub struct Model {
     pub node_elements: Vec<[u32; 4]>,
     /// What holds the soft bodies: supports, and the cores whose reactions are reported.
     pub held: Held,
+    /// Loads on the bodies.
+    pub loads: Loads,
     /// Per node: velocity at the start, world axes, m/s.
     pub velocity: Vec<[f32; 4]>,
     /// Per tetrahedron: its four nodes.
@@ -311,6 +314,7 @@ impl Model {
                 self.add_layer(layer, node_frames, materials, frame_first, body.velocity);
                 self.add_supports(&body.name, body.orientation, supports, node_first);
                 self.add_joints(joints, frame_first);
+                self.add_loads(body, node_first, frame_first);
                 let nodes = node_first..self.node_rest.len();
                 if let FrameMotion::Floating { .. } = frames[0].motion {
                     self.floating.push(Floating { frame: frame_first, nodes: nodes.clone() });
@@ -349,6 +353,7 @@ impl Model {
                         }
                     }
                 }
+                self.add_loads(body, 0, frame);
                 self.add_skin(skin, vertex_first);
                 self.add_proxies(skin, proxies, frame, vertex_first, None);
             }

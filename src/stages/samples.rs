@@ -155,7 +155,15 @@ mod tests {
             },
         };
         let (position, orientation) = (DVec3::ZERO, glam::DQuat::IDENTITY);
-        Body { name: "body".into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
+        Body {
+            name: "body".into(),
+            shape,
+            position,
+            orientation,
+            velocity: DVec3::ZERO,
+            loads: vec![],
+            report: Default::default(),
+        }
     }
 
     fn cuboid(half: DVec3, cells: [u32; 3]) -> (Vec<DVec3>, Vec<[u32; 3]>) {

@@ -16,6 +16,7 @@ use std::sync::Arc;
 
 use super::contact::Touch;
 use super::edges::Edges;
+use super::loads::LoadArrays;
 use super::model::Model;
 use super::supports::SupportArrays;
 use super::{array, count, gap, upload, upload_or_nothing, zeros};
@@ -48,6 +49,8 @@ pub struct Solve {
     touch: Option<Touch>,
     /// The arrays of supports, where supports hold nodes or reactions are reported.
     pub supports: Option<SupportArrays>,
+    /// The arrays of loads, where there are any.
+    pub loads: Option<LoadArrays>,
     block_count: u32,
     rigid_count: usize,
     core_count: usize,
@@ -207,6 +210,8 @@ impl Solve {
         let contact = ("CONTACT", Const::Bool(touch.is_some()));
         let supports = SupportArrays::new(context, model)?;
         let is_supported = supports.is_some();
+        let loads = LoadArrays::new(context, model)?;
+        let loaded = ("LOADS", Const::Bool(loads.is_some()));
         let supported = ("SUPPORTS", Const::Bool(is_supported));
         let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
         let tool = ("TOOL", Const::Bool(has_tool));
@@ -289,6 +294,8 @@ impl Solve {
                     joints,
                     held,
                     supported,
+                    loaded,
+                    nodes_c,
                     tetrahedra_c,
                     ("PATCHES", (patch_count > 0).into()),
                 ],
@@ -334,6 +341,7 @@ impl Solve {
             )?,
             touch: touch.cloned(),
             supports,
+            loads,
             block_count: block_count as u32,
             rigid_count,
             core_count: model.cores.len(),

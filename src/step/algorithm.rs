@@ -91,6 +91,9 @@ fn begin(stages: &Stages, blank: Blank) -> Result<Recording> {
         None => elastic.record_reset(&mut begin, common),
     }
     solve.record_reset(&mut begin);
+    if let Some(loads) = &solve.loads {
+        loads.record(&mut begin, common, elastic);
+    }
     elastic.record(&mut begin, common);
     if let Some(touch) = touch {
         touch.record_broad_phase(&mut begin, common, elastic);
@@ -207,6 +210,9 @@ impl Simulation {
         self.frames.set_out(from + h, h, self.tool.as_ref());
         self.step_origin = self.origin();
         self.write_inputs(h, &device)?;
+        if let Some(loads) = &self.stages.solve.loads {
+            loads.write(&self.model, from + h)?;
+        }
         let mut report = self.submit()?;
         if report.verdict != shaders::VERDICT_FAILED {
             if let (Some(tool), None) = (&mut self.tool, self.model.tool_core) {

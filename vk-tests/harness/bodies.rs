@@ -105,7 +105,15 @@ pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVe
     let proxies = cut(&skin);
     let (volume, centroid, inertia, motion) = (1.0, DVec3::ZERO, DMat3::IDENTITY, FrameMotion::Fixed);
     let shape = Shape::Rigid { skin, proxies, volume, centroid, inertia, motion };
-    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
+    Body {
+        name: name.into(),
+        shape,
+        position,
+        orientation,
+        velocity: DVec3::ZERO,
+        loads: vec![],
+        report: Default::default(),
+    }
 }
 
 /// The collision proxies that the engine itself makes for a skin: one hull, or as many as the skin's shape needs.
@@ -127,12 +135,28 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     let supports = Default::default();
     let shape =
         Shape::Soft { layer, frames, node_frames, supports, joints: vec![], materials, embedding, skin, proxies };
-    Body { name: name.into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
+    Body {
+        name: name.into(),
+        shape,
+        position,
+        orientation,
+        velocity: DVec3::ZERO,
+        loads: vec![],
+        report: Default::default(),
+    }
 }
 
 /// The fixed half-space of all points x with `normal` . x < `offset` (m).
 pub fn half_space(normal: DVec3, offset: f64) -> Body {
     let (position, orientation) = (DVec3::ZERO, DQuat::IDENTITY);
     let shape = Shape::Plane { normal, offset };
-    Body { name: "floor".into(), shape, position, orientation, velocity: DVec3::ZERO, report: Default::default() }
+    Body {
+        name: "floor".into(),
+        shape,
+        position,
+        orientation,
+        velocity: DVec3::ZERO,
+        loads: vec![],
+        report: Default::default(),
+    }
 }

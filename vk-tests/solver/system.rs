@@ -115,6 +115,7 @@ pub fn layered(layer: Layer, material: impl Into<Materials>, orientation: DQuat)
         position: DVec3::new(0.3, -0.1, 0.2),
         orientation,
         velocity: DVec3::ZERO,
+        loads: vec![],
         report: Default::default(),
     }
 }

@@ -191,6 +191,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
         cores: Vec::new(),
         joints: Vec::new(),
         supports: Vec::new(),
+        loads: Vec::new(),
         reactions: None,
         skeleton: None,
     };

@@ -182,6 +182,7 @@ impl Part {
             repair: true,
             joints: Vec::new(),
             supports: Vec::new(),
+            loads: Vec::new(),
             reactions: None,
             skeleton: None,
         };

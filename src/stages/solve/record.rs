@@ -113,6 +113,7 @@ impl Solve {
                 coarse_scales: Some(&self.coarse_scales),
                 joints: Some(&common.joints),
                 joint_sides: Some(&self.joint_sides),
+                external_forces: self.loads.as_ref().map(|loads| &loads.external_forces),
                 supported: self.supports.as_ref().map(|supports| &supports.nodes),
             },
             self.block_count,

@@ -130,6 +130,7 @@ impl Press {
             repair: true,
             joints: Vec::new(),
             supports: Vec::new(),
+            loads: Vec::new(),
             reactions: None,
             skeleton: None,
         }

@@ -46,6 +46,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
         repair: true,
         joints: Vec::new(),
         supports: Vec::new(),
+        loads: Vec::new(),
         reactions: None,
         skeleton: None,
     };

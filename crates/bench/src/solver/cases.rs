@@ -129,6 +129,7 @@ impl Mesh {
             repair: true,
             joints: Vec::new(),
             supports: Vec::new(),
+            loads: Vec::new(),
             reactions: None,
             skeleton: None,
         };

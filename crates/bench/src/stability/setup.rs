@@ -229,6 +229,7 @@ impl Setup {
             repair: true,
             joints: Vec::new(),
             supports: Vec::new(),
+            loads: Vec::new(),
             reactions: None,
             skeleton: None,
         }
