@@ -74,7 +74,7 @@ fn body(value: &Value) -> Result<Body> {
         Shape::Rigid { .. } => vec![rigid_core(&table, &name)?],
         Shape::Plane { .. } => Vec::new(),
     };
-    let only_core = matches!(shape, Shape::Rigid { .. }).then_some(name.as_str());
+    let only_core = matches!(shape, Shape::Rigid { .. }).then(|| name.clone());
     let joints = joint::read(&table, skeleton.as_ref(), &cores)?;
     if !matches!(
         shape,
@@ -104,7 +104,7 @@ fn body(value: &Value) -> Result<Body> {
         cores,
         joints,
         supports: support::read(&table)?,
-        loads: loads::read(&table, only_core)?,
+        loads: loads::read(&table, only_core.as_deref())?,
         reactions: table.option("reactions", Value::truth)?,
         repair: table.or("repair", true, Value::truth)?,
         skeleton,

@@ -80,10 +80,9 @@ impl Model {
                     triangles.iter().for_each(|triangle| self.loads.add_triangle(body, *triangle, node_first, index));
                 }
                 (LoadKind::Core { force, torque, .. }, Part::Core(core)) => {
-                    let index = source(*force, 0.0);
-                    self.loads.add(Target::Force(frame_first + core), index, 1.0);
-                    let index = source(*torque, 0.0);
-                    self.loads.add(Target::Torque(frame_first + core), index, 1.0);
+                    let both = [source(*force, 0.0), source(*torque, 0.0)];
+                    self.loads.add(Target::Force(frame_first + core), both[0], 1.0);
+                    self.loads.add(Target::Torque(frame_first + core), both[1], 1.0);
                 }
                 // Preparation pairs each kind of load with what it acts on.
                 _ => {}

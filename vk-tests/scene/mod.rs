@@ -15,6 +15,7 @@ pub mod heads;
 pub mod held;
 pub mod joints;
 pub mod judge;
+mod loads;
 mod pressures;
 pub mod query;
 pub mod replay;

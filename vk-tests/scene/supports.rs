@@ -17,7 +17,7 @@ const PRESSED_REACTION: f64 = 1e-4;
 
 /// The reactions that the oracle's holding forces (per node, N) of a body make, with the nodes where the oracle's body has
 /// them: as the engine reports them, in the same order.
-fn reactions_of(
+pub fn reactions_of(
     simulation: &Simulation,
     index: usize,
     twin: &oracle::step::SoftBody,
@@ -39,7 +39,7 @@ fn reactions_of(
 }
 
 /// Greatest difference of reactions, relative to the largest force and torque among them.
-fn reaction_error(got: &[Wrench], want: &[Wrench]) -> f64 {
+pub fn reaction_error(got: &[Wrench], want: &[Wrench]) -> f64 {
     assert_eq!(got.len(), want.len());
     let parts = |all: &[Wrench], of: fn(&Wrench) -> DVec3| all.iter().map(of).collect::<Vec<_>>();
     let error = |of: fn(&Wrench) -> DVec3| relative_error(&parts(got, of), &parts(want, of));

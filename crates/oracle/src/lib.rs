@@ -42,6 +42,7 @@ pub mod friction;
 pub mod gap;
 pub mod joint;
 pub mod linear;
+pub mod loads;
 pub mod material_law;
 pub mod neo_hookean;
 mod newton;

@@ -74,6 +74,10 @@ pub struct Simulation {
     pub joints: Vec<Joint>,
     /// The core that the haptic device holds, if any.
     pub coupled: Option<CoupledCore>,
+    /// External force on each node of each body in the next step, N; empty without loads.
+    pub node_loads: Vec<Vec<DVec3>>,
+    /// Force (N) and torque (N m) on each dynamic core in the next step; empty without loads.
+    pub core_loads: Vec<(DVec3, DVec3)>,
     /// Friction of all contacts, if there is any.
     pub friction: Option<Friction>,
     /// Newton iterations of a step.
@@ -321,7 +325,14 @@ impl Simulation {
     /// at its trial state.
     fn system(&self, unknowns: &Unknowns, trials: &[Trial], device: Option<&Device>) -> (Entries, Vec<f64>) {
         let (mut a, mut b) = (Entries::default(), vec![0.0; unknowns.count]);
-        for ((body, nodes), trial) in self.bodies.iter().zip(&unknowns.nodes).zip(trials) {
+        for (((body, nodes), trial), index) in self.bodies.iter().zip(&unknowns.nodes).zip(trials).zip(0..) {
+            let loads = self.node_loads.get(index).map_or(&[][..], Vec::as_slice);
+            for (map, force) in nodes.iter().zip(loads) {
+                for (first, matrix) in map {
+                    let impulse = self.dt * (matrix.transpose() * *force);
+                    (0..3).for_each(|axis| b[first + axis] += impulse[axis]);
+                }
+            }
             self.add_body(&mut a, &mut b, body, trial, nodes);
             for (first, left) in nodes.iter().filter(|map| map.len() == 1).map(|map| map[0]) {
                 // Ones on the diagonal of A keep the changes of velocity that supports prevent at zero.
@@ -329,6 +340,12 @@ impl Simulation {
                     a.add_block(first, first, &(DMat3::IDENTITY - left));
                 }
             }
+        }
+        for ((core, first), (force, torque)) in self.cores.iter().zip(&unknowns.cores).zip(&self.core_loads) {
+            let (linear, angular) = core.freedom();
+            let (force, torque) = (linear * *force, angular * *torque);
+            (0..3).for_each(|axis| b[first + axis] += self.dt * force[axis]);
+            (0..3).for_each(|axis| b[first + 3 + axis] += self.dt * torque[axis]);
         }
         for (core, first) in self.cores.iter().zip(&unknowns.cores) {
             let inertia = core.nodes.iter().fold(DMat3::ZERO, |sum, (body, node)| {

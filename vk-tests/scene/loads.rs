@@ -1,0 +1,300 @@
+//! Loads on bodies in whole scenes: steps beside the f64 oracle (the reference implementation on the CPU), closed forms of
+//! homogeneous stretch and shear, and the work of loads.
+
+use glam::{DMat3, DVec3};
+use palpate::Simulation;
+use palpate_oracle as oracle;
+
+use crate::scene::bones::twin_cores;
+use crate::scene::supports::{reaction_error, reactions_of};
+use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
+
+/// Greatest relative error against closed forms, at rest. Single precision keeps displacements to 6e-8 of themselves, and
+/// the solver stops at 1e-7.
+const CLOSED: f64 = 1e-5;
+/// Greatest errors against the oracle, relative to the largest displacement and reaction.
+const SHAPE: f64 = 1e-5;
+const REACTION: f64 = 1e-5;
+
+const YOUNG: f64 = 2e4;
+const POISSON: f64 = 0.4;
+const MU: f64 = YOUNG / (2.0 * (1.0 + POISSON));
+const LAMBDA: f64 = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON));
+const SIZE: DVec3 = DVec3::new(0.04, 0.05, 0.03);
+
+/// First Piola-Kirchhoff stress of both laws by their formulas, for a deformation gradient without rotation about x and y.
+fn piola(law: &str, f: DMat3) -> DMat3 {
+    if law == "corotational" {
+        // The rotation of the polar decomposition turns about z.
+        let r = DMat3::from_rotation_z((f.x_axis.y - f.y_axis.x).atan2(f.x_axis.x + f.y_axis.y));
+        let e = 0.5 * (r.transpose() * f + f.transpose() * r) - DMat3::IDENTITY;
+        let trace = e.x_axis.x + e.y_axis.y + e.z_axis.z;
+        return r * (e * (2.0 * MU) + DMat3::from_diagonal(DVec3::splat(LAMBDA * trace)));
+    }
+    // Stable neo-Hookean (Smith, de Goes and Kim 2018, equation 14).
+    let (m, l) = (4.0 / 3.0 * MU, LAMBDA + 5.0 / 6.0 * MU);
+    let square = f.x_axis.length_squared() + f.y_axis.length_squared() + f.z_axis.length_squared();
+    let j = f.determinant();
+    f * (m * (1.0 - 1.0 / (square + 1.0))) + f.inverse().transpose() * (j * l * (j - 1.0 - 0.75 * m / l))
+}
+
+/// A box at the origin that comes to rest in long steps, under `rest` (supports and loads).
+fn boxed(law: &str, rest: &str) -> String {
+    format!(
+        "[step]\ndt = 0.01\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-7\nmax_iterations = 2000\n\
+         [[body]]\nname = \"box\"\nlayer = {{ box = [[0.0, 0.0, 0.0], [{:?}, {:?}, {:?}]], cells = [4, 5, 3] }}\n\
+         material = {{ young = {YOUNG:?}, poisson = {POISSON:?}, density = 1000.0, damping_mass = 30.0, law = \"{law}\" }}\n{rest}",
+        SIZE.x, SIZE.y, SIZE.z
+    )
+}
+
+/// The region of the face of the box whose outward normal is that axis, by sign.
+fn face(axis: usize, positive: bool) -> String {
+    let (mut low, mut high) = ([-1.0; 3], [1.0; 3]);
+    match positive {
+        true => low[axis] = SIZE[axis] - 1e-6,
+        false => high[axis] = 1e-6,
+    }
+    format!("bind = {{ box = [{low:?}, {high:?}] }}")
+}
+
+/// Rollers on the three sides of the box at the coordinate planes.
+fn rollers() -> String {
+    let roller = |axis: usize| {
+        let mut normal = [0; 3];
+        normal[axis] = 1;
+        format!("[[body.support]]\nname = \"roller{axis}\"\nplane = {normal:?}\n{}\n", face(axis, false))
+    };
+    (0..3).map(roller).collect()
+}
+
+/// A traction on a face of the box.
+fn traction(axis: usize, positive: bool, force: DVec3) -> String {
+    format!(
+        "[[body.load]]\nname = \"on{axis}{positive}\"\ntraction = {:?}\n{}\n",
+        force.to_array(),
+        face(axis, positive)
+    )
+}
+
+/// Displacements of the nodes at the end of `steps` steps, which must raise no flag, and of the box's rest positions.
+fn rested(text: &str, steps: usize) -> (Simulation, Vec<DVec3>, Vec<DVec3>) {
+    let mut simulation = open(&scene(text), None);
+    let rows = run(&mut simulation, steps);
+    let flags: Vec<_> = rows.iter().filter(|row| row.flags.0 != 0).map(|row| (row.step, row.flags)).collect();
+    assert!(flags.is_empty(), "flags were raised: {flags:?}");
+    let rest = soft_twin(&simulation, 0).layer.nodes;
+    let (moved, velocity) = simulation.nodes(0).unwrap().unwrap();
+    let speed = velocity.iter().map(|v| v.length()).fold(0.0, f64::max);
+    // Rounding keeps the nodes moving by a ten-millionth of the box in a step.
+    assert!(speed < 2e-6, "the box still moves at {speed:e} m/s");
+    (simulation, rest, moved)
+}
+
+#[test]
+fn a_box_between_rollers_is_stretched_by_traction_as_in_the_closed_forms() {
+    for law in ["corotational", "neo-hookean"] {
+        for pull in [6e3, -4e3] {
+            // The stretch across is found so that the sides are free of stress, then the one along by the traction.
+            let across =
+                |along: f64| root(|t| piola(law, DMat3::from_diagonal(DVec3::new(t, along, t))).x_axis.x, [0.5, 1.8]);
+            let stress = |along: f64| {
+                let t = across(along);
+                piola(law, DMat3::from_diagonal(DVec3::new(t, along, t))).y_axis.y
+            };
+            let along = root(|along| stress(along) - pull, [0.6, 1.8]);
+            let stretch = DVec3::new(across(along), along, across(along));
+            let text = boxed(law, &(rollers() + &traction(1, true, DVec3::new(0.0, pull, 0.0))));
+            let (simulation, rest, moved) = rested(&text, 400);
+            let want: Vec<DVec3> = rest.iter().map(|x| (stretch - DVec3::ONE) * *x).collect();
+            let error = relative_error(&moved, &want);
+            let area = SIZE.x * SIZE.z;
+            let held = simulation.reactions()[1].force;
+            let reaction = (held + DVec3::new(0.0, pull * area, 0.0)).length() / (pull * area).abs();
+            println!(
+                "{law}, {pull} Pa: stretch {along:.6}, displacements off by {error:.1e}, reaction by {reaction:.1e}"
+            );
+            assert!(error < CLOSED, "{law}, {pull} Pa: displacements are off by {error:e}");
+            assert!(reaction < CLOSED, "{law}, {pull} Pa: the reaction {held} is off by {reaction:e}");
+        }
+    }
+}
+
+/// The root of an increasing function between two numbers, by bisection.
+fn root(f: impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2]) -> f64 {
+    assert!(f(low) < 0.0 && f(high) > 0.0, "no root between {low} and {high}: {} and {}", f(low), f(high));
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        *(if f(middle) < 0.0 { &mut low } else { &mut high }) = middle;
+    }
+    0.5 * (low + high)
+}
+
+#[test]
+fn a_box_is_sheared_by_tractions_as_in_the_closed_forms() {
+    for law in ["corotational", "neo-hookean"] {
+        // With much more the box would buckle under loads that do not follow it.
+        let shear = 0.2;
+        let f = DMat3::from_cols(DVec3::X, DVec3::new(shear, 1.0, 0.0), DVec3::Z);
+        let stress = piola(law, f);
+        // All faces but the bottom, which is pinned, carry the nominal traction P N.
+        let mut rest = format!("[[body.support]]\nname = \"bottom\"\npoint = true\n{}\n", face(1, false));
+        let faces = [(0, true), (0, false), (1, true), (2, true), (2, false)];
+        let normal = |(axis, positive): (usize, bool)| if positive { DVec3::AXES[axis] } else { -DVec3::AXES[axis] };
+        for (axis, positive) in faces {
+            let load = traction(axis, positive, stress * normal((axis, positive)));
+            rest += &load.replace("\nbind", "\nfactors = [[0.0, 0.0], [1.0, 1.0]]\nbind");
+        }
+        let (simulation, places, moved) = rested(&boxed(law, &rest), 500);
+        let want: Vec<DVec3> = places.iter().map(|x| DVec3::new(shear * x.y, 0.0, 0.0)).collect();
+        let error = relative_error(&moved, &want);
+        let area = |axis: usize| SIZE.x * SIZE.y * SIZE.z / SIZE[axis];
+        let want = stress * -DVec3::Y * area(1);
+        let held = simulation.reactions()[0].force;
+        let reaction = held.distance(want) / want.length();
+        let loads: DVec3 =
+            faces.iter().map(|(axis, positive)| area(*axis) * (stress * normal((*axis, *positive)))).sum();
+        let balance = (held + loads).length() / want.length();
+        println!("{law}: displacements off by {error:.1e}, reaction by {reaction:.1e}, balance by {balance:.1e}");
+        assert!(error < CLOSED, "{law}: displacements are off by {error:e}");
+        assert!(reaction < CLOSED && balance < CLOSED, "{law}: reaction {held}, closed form {want}");
+    }
+}
+
+#[test]
+fn pressure_follows_the_skin() {
+    // Under pressure on all sides the box keeps its shape: P = -p cof F, with F = s I.
+    for (law, pressure) in [("neo-hookean", 5e3), ("corotational", -5e3)] {
+        let uniform = |s: f64| DMat3::from_diagonal(DVec3::splat(s));
+        let stretch = root(|s| piola(law, uniform(s)).x_axis.x + pressure * s * s, [0.5, 1.6]);
+        let sides: String = (0..3)
+            .map(|axis| format!("[[body.load]]\nname = \"p{axis}\"\npressure = {pressure:?}\nfactors = [[0.0, 0.0], [1.0, 1.0]]\n{}\n", face(axis, true)))
+            .collect();
+        let (_, rest, moved) = rested(&boxed(law, &(rollers() + &sides)), 400);
+        let want: Vec<DVec3> = rest.iter().map(|x| (stretch - 1.0) * *x).collect();
+        let error = relative_error(&moved, &want);
+        // With a force that did not follow the skin the stretch would differ by this much.
+        let dead = root(|s| piola(law, uniform(s)).x_axis.x + pressure, [0.5, 1.6]);
+        println!("{law}, {pressure} Pa: stretch {stretch:.6} ({dead:.6} if dead), displacements off by {error:.1e}");
+        assert!((dead - stretch).abs() > 100.0 * CLOSED * (stretch - 1.0).abs());
+        assert!(error < CLOSED, "{law}: displacements are off by {error:e}");
+    }
+}
+
+/// A bar that flies with a dynamic core at one end, under every kind of load, with factors over time, and with supports.
+fn loaded(law: &str, solver: &str) -> String {
+    format!(
+        "[step]\ndt = 0.002\nnewton = 2\n[solver]\ntolerance = 1e-6\nmax_iterations = 1000\n{solver}\n\
+         [[body]]\nname = \"bar\"\nposition = [0.3, -0.2, 0.5]\norientation = [0.3, -0.1, 0.4, 0.860232526704]\n\
+         layer = {{ box = [[0.0, 0.0, 0.0], [0.1, 0.03, 0.04]], cells = [10, 3, 4] }}\n\
+         material = {{ young = 3e4, poisson = 0.4, density = 1000.0, damping_mass = 2.0, damping_stiffness = 1e-3, \
+         law = \"{law}\" }}\n\
+         [[body.core]]\nname = \"end\"\nmotion = \"dynamic\"\nbind = {{ box = [[0.079, -1, -1], [1, 1, 1]] }}\n\
+         [[body.support]]\nname = \"oblique\"\nplane = [2, 1, 0]\nbind = {{ box = [[-1, -1, -1], [1e-6, 1, 1]] }}\n\
+         [[body.load]]\nname = \"nodes\"\nforce = [0.1, 0.2, -0.1]\nbind = {{ nodes = [60, 61, 62] }}\n\
+         factors = [[0.0, 0.0], [0.02, 1.0], [0.03, -1.0]]\n\
+         [[body.load]]\nname = \"wind\"\ntraction = [20.0, -50.0, 80.0]\nbind = {{ box = [[-1, -1, -1], [1, 1e-6, 1]] }}\n\
+         [[body.load]]\nname = \"air\"\npressure = 300.0\nbind = {{ box = [[0.02, -1, 0.039], [0.08, 1, 1]] }}\n\
+         [[body.load]]\nname = \"push\"\nforce = [0.0, 0.3, 0.1]\ncore = \"end\"\n\
+         [[body.load]]\nname = \"twist\"\ntorque = [0.002, -0.001, 0.003]\ncore = \"end\"\nfactors = [[0.01, 2.0]]\n"
+    )
+}
+
+#[test]
+#[ignore = "long: 15 s"]
+fn a_loaded_bar_moves_and_is_held_as_the_oracles() {
+    for (law, solver) in [("corotational", ""), ("neo-hookean", "preconditioner = \"coarse\"")] {
+        let scene = scene(&loaded(law, solver));
+        let mut simulation = open(&scene, None);
+        let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
+        twin.newton = 2;
+        twin.bodies.push(soft_twin(&simulation, 0));
+        twin.cores.extend(twin_cores(&simulation, 0));
+        let body = simulation.bodies()[0].clone();
+        let (mut shape, mut reaction) = (0.0f64, 0.0f64);
+        for _ in 0..20 {
+            let row = run(&mut simulation, 1).remove(0);
+            assert_eq!(row.flags.0, 0, "flags of step {}", row.step);
+            let start = twin.bodies[0].clone();
+            twin.node_loads = vec![oracle::loads::on_nodes(&body, &start, row.time)];
+            twin.core_loads = vec![oracle::loads::on_core(&body, 0, row.time)];
+            let report = twin.step(None, &[]).unwrap();
+            let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+            shape = shape.max(relative_error(&moved, &twin.bodies[0].displacement));
+            let want = reactions_of(&simulation, 0, &start, &report.holding[0]);
+            reaction = reaction.max(reaction_error(&row.reactions, &want));
+        }
+        println!("{law}: displacements {shape:.2e}, reactions {reaction:.2e}");
+        assert!(shape < SHAPE && reaction < REACTION, "{law}: displacements {shape:e}, reactions {reaction:e}");
+    }
+}
+
+#[test]
+fn a_rigid_body_follows_newton_and_euler() {
+    let folder = tempfile::tempdir().unwrap();
+    let (vertices, triangles) = palpate::internal::prepare::sphere::icosphere(0.02);
+    let mesh = palpate::internal::prepare::skin::build(vertices, triangles);
+    let mut obj = String::new();
+    mesh.vertices.iter().for_each(|v| obj += &format!("v {} {} {}\n", v.x, v.y, v.z));
+    mesh.triangles.iter().for_each(|t| obj += &format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
+    std::fs::write(folder.path().join("ball.obj"), obj).unwrap();
+    let text = "[step]\ndt = 0.001\ngravity = [0.0, 0.0, 0.0]\n[solver]\ntolerance = 1e-7\n\
+                [[body]]\nname = \"ball\"\nsurface = \"ball.obj\"\nmotion = \"dynamic\"\nmass = 0.2\n\
+                [[body.load]]\nname = \"push\"\nforce = [0.1, 0.0, 0.02]\n\
+                [[body.load]]\nname = \"turn\"\ntorque = [0.0, 1e-4, 0.0]\nfactors = [[0.0, 0.0], [0.1, 1.0]]\n";
+    let file = folder.path().join("ball.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut simulation = open(&palpate::Scene::load(&file).unwrap(), None);
+    run(&mut simulation, 100);
+    // v = F t / m; the spin is the sum of h T(t_k) / I.
+    let pose = simulation.core_pose(0, 0).unwrap();
+    let (h, steps) = (0.001, 100.0);
+    let want = DVec3::new(0.1, 0.0, 0.02) / 0.2 * h * h * steps * (steps + 1.0) / 2.0;
+    let palpate::internal::prepare::Shape::Rigid { inertia, volume, centroid, .. } = &simulation.bodies()[0].shape
+    else {
+        panic!()
+    };
+    let inertia = 0.2 / volume * inertia.y_axis.y;
+    let spin: Vec<f64> = (1..=100)
+        .scan(0.0, |w, k| {
+            *w += h * 1e-4 * (h * f64::from(k)) / 0.1 / inertia;
+            Some(*w)
+        })
+        .collect();
+    let angle: f64 = spin.iter().map(|w| h * w).sum();
+    let moved = pose.position + pose.orientation * *centroid - *centroid;
+    let turned = 2.0 * pose.orientation.y.atan2(pose.orientation.w);
+    println!("moved {moved}, closed form {want}; turned {turned}, closed form {angle}");
+    assert!(moved.distance(want) < 1e-5 * want.length(), "the ball moved by {moved}, closed form {want}");
+    assert!((turned - angle).abs() < 1e-5 * angle, "the ball turned by {turned}, closed form {angle}");
+}
+
+#[test]
+fn the_work_of_slow_loads_is_the_elastic_energy() {
+    let pull = 5e3;
+    let load = traction(1, true, DVec3::new(0.5 * pull, pull, 0.0))
+        .replace("\nbind", "\nfactors = [[0.0, 0.0], [4.0, 1.0]]\nbind");
+    let text = boxed("neo-hookean", &(rollers() + &load));
+    let mut simulation = open(&scene(&text), None);
+    let body = simulation.bodies()[0].clone();
+    let mut twin = soft_twin(&simulation, 0);
+    let turn = DMat3::from_quat(body.orientation);
+    let (mut work, mut before) = (0.0, (twin.displacement.clone(), oracle::loads::on_nodes(&body, &twin, 0.0)));
+    let mut damped = 0.0;
+    for _ in 0..400 {
+        let row = run(&mut simulation, 1).remove(0);
+        let velocity;
+        (twin.displacement, velocity) = simulation.nodes(0).unwrap().unwrap();
+        let forces = oracle::loads::on_nodes(&body, &twin, row.time);
+        for k in 0..forces.len() {
+            let way = turn * (twin.displacement[k] - before.0[k]);
+            work += 0.5 * (forces[k] + before.1[k]).dot(way);
+            damped += 0.01 * 30.0 * twin.elements.masses[k] * velocity[k].length_squared();
+        }
+        before = (twin.displacement.clone(), forces);
+    }
+    let energy = twin.elements.energy(&twin.displacement, &twin.elements.rotations(&twin.displacement));
+    let error = (work - energy - damped).abs() / work;
+    println!("work {work:.6e} J, elastic energy {energy:.6e} J, damped {damped:.2e} J: off by {error:.1e}");
+    assert!(energy > 1e-3 && error < 1e-3, "work {work} J, elastic energy {energy} J, damped {damped} J");
+}
