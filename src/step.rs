@@ -366,8 +366,9 @@ impl Simulation {
         self.tool.as_ref()
     }
 
-    /// The current poses of a body's rigid coordinate frames: one per core, or a single frame, which floats with a soft
-    /// body without cores or carries the skin of a rigid body; none for a half-space.
+    /// The current poses of a body's rigid coordinate frames: one per core, and one that rests where it has
+    /// supports; or a single frame, which floats with a soft body without cores and supports, or carries the skin of a
+    /// rigid body; none for a half-space.
     #[doc(hidden)]
     pub fn frames(&self, body: usize) -> Vec<frames::Place> {
         let first = self.model.body_frames[body];

@@ -24,12 +24,15 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool JOINTS = false;
+layout(constant_id = 2) const bool LOADS = false;
+layout(constant_id = 3) const uint NODES = 0;               // number of nodes, behind which external_forces has the cores
 layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, block_nodes);
 READ_ONLY(vec4, node_rest);
+READ_ONLY(vec4, external_forces);      // loads on nodes, then force and torque on each dynamic core (elastic/loads)
 READ_ONLY(vec4, rhs);
 READ_ONLY(vec4, inverse);              // of attached nodes: their diagonal blocks, not inverted
 READ_ONLY(vec4, restricted_rhs);       // restriction of b (shared/coarse_vector.glsl), three texels per block of nodes
@@ -115,6 +118,10 @@ void assemble(uint c) {
         for (int k = 0; k < 36; k++) block[k] += params.tool_matrix[k];
         force_size += abs(vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]));
         torque_size += abs(vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]));
+    }
+    if (LOADS) {
+        force_size += abs(params.dt * fetch(external_forces, NODES + 2 * c).xyz);
+        torque_size += abs(params.dt * fetch(external_forces, NODES + 2 * c + 1).xyz);
     }
     for (uint k = 0; JOINTS && k < core.joint_count; k++) {
         uint joint = joint_sides[core.joint_first + k] / 2, side = joint_sides[core.joint_first + k] % 2;

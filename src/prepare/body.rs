@@ -63,13 +63,16 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
         Some(_) => soft(&keys, body, prepared),
         None => {
             let loads =
-                loads::loads(body, None, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
+                loads::loads(body, None, &[], &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
             let shape = rigid(prepared, body.scale, motion(&body.cores, body.scale))
                 .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?;
             Ok((shape, loads))
         }
     })?;
     let (shape, loads) = made?;
+    if let Shape::Soft { supports, .. } = &shape {
+        report.notes.extend(supports.notes.iter().map(|note| format!("`{}`: {note}", keys.prefix)));
+    }
     Ok(placed(body, shape, loads, report))
 }
 
@@ -238,7 +241,11 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<(Shape, V
     let (node_frames, supports) =
         cores::bind(body, &mut layer, &mesh, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
     let soft = Some((&layer, &prepared.embedding[..], &mesh));
-    let loads = loads::loads(body, soft, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
+    let is_prescribed =
+        |n: usize| layer.attached[n] && !matches!(body.cores[node_frames[n] as usize].motion, Motion::Dynamic);
+    let prescribed: Vec<bool> = (0..layer.nodes.len()).map(is_prescribed).collect();
+    let loads =
+        loads::loads(body, soft, &prescribed, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
     layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
     if body.dilatation == Dilatation::Patch {
         if materials.all.iter().any(|material| material.law != MaterialLaw::Corotational) {

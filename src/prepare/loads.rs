@@ -31,12 +31,13 @@ pub enum Part {
 }
 
 /// The loads of a body and what they act on. `soft`: the layer and its embedding of a soft body, in file coordinates, with
-/// how its file numbers the nodes; `skin` is in file coordinates. `error` makes an error of a key, a problem and a remedy.
+/// how its file numbers the nodes; `prescribed`: whether each node is attached to a fixed or driven core; `skin` is in file coordinates. `error` makes an error of a key, a problem and a remedy.
 ///
-/// It is an error if a load acts on nothing.
+/// It is an error if a load acts on nothing, or on nothing that forces move and without a reaction that shows it.
 pub fn loads(
     body: &Body,
     soft: Option<(&Layer, &[Embedding], &Numbered)>,
+    prescribed: &[bool],
     skin: &TriangleMesh,
     error: impl Fn(&str, &str, &str) -> crate::Error,
 ) -> Result<Vec<Load>> {
@@ -65,6 +66,23 @@ pub fn loads(
                 return Err(error(&key, problem, "give a load on the body's core"));
             }
         };
+        let loaded: Vec<u32> = match (&part, soft) {
+            (Part::Nodes(nodes), _) => nodes.clone(),
+            (Part::Triangles(triangles), Some((layer, embedding, _))) => {
+                let vertices = triangles.iter().flat_map(|t| skin.triangles[*t as usize]);
+                vertices.flat_map(|v| followed(layer, &embedding[v as usize])).collect()
+            }
+            _ => Vec::new(),
+        };
+        let is_prescribed = |n: &u32| prescribed.get(*n as usize).is_some_and(|is| *is);
+        if !loaded.is_empty() && loaded.iter().all(is_prescribed) && !body.reports_reactions() {
+            let problem = "acts only on nodes of cores that do not move by forces: it changes nothing";
+            return Err(error(
+                &key,
+                problem,
+                "enlarge the region, or give the body reactions = true to see it in them",
+            ));
+        }
         match &part {
             Part::Nodes(nodes) if nodes.is_empty() => return Err(empty("no node lies in")),
             Part::Triangles(triangles) if triangles.is_empty() => {
@@ -75,6 +93,12 @@ pub fn loads(
         all.push(Load { source: load.clone(), part });
     }
     Ok(all)
+}
+
+/// The nodes that a skin vertex follows.
+fn followed(layer: &Layer, embedding: &Embedding) -> impl Iterator<Item = u32> {
+    let nodes = layer.tetrahedra[embedding.tetrahedron as usize].into_iter().zip(embedding.weights);
+    nodes.filter(|(_, weight)| weight.abs() > LEAST_WEIGHT).map(|(node, _)| node)
 }
 
 /// Whether each vertex of the skin lies in a region. Where the region lists nodes, a vertex lies in it if it follows those
@@ -92,10 +116,7 @@ fn vertices(
         Bind::All => vec![true; skin.vertices.len()],
         _ => {
             let named = cores::selected(on, layer, mesh, skin)?;
-            let follows = |e: &Embedding| {
-                let nodes = layer.tetrahedra[e.tetrahedron as usize].iter().zip(e.weights);
-                nodes.filter(|(_, weight)| weight.abs() > LEAST_WEIGHT).all(|(node, _)| named[*node as usize])
-            };
+            let follows = |e: &Embedding| followed(layer, e).all(|node| named[node as usize]);
             embedding.iter().map(follows).collect()
         }
     })

@@ -42,7 +42,7 @@ pub struct Prepared {
     pub mesh: TriangleMesh,
     /// The layer of a soft body, with no node attached to a rigid core yet.
     pub layer: Option<Layer>,
-    /// Named or numbered groups of tetrahedra that the layer's file defines.
+    /// Groups of tetrahedra and of nodes that the layer's file defines.
     pub groups: Groups,
     /// Report on the layer if it was made by filling the surface with tetrahedra.
     pub filling: Option<LayerReport>,
@@ -251,7 +251,7 @@ fn boundary(keys: &Keys, layer: &Layer, source: Option<&scene::Layer>) -> Result
     Ok((mesh, Some(found)))
 }
 
-/// A layer, its groups of tetrahedra, notes for the user, and, if the layer was made by filling a surface with
+/// A layer, its groups of tetrahedra and nodes, notes for the user, and, if the layer was made by filling a surface with
 /// tetrahedra, the report on the filling.
 #[derive(Default)]
 struct Filled {

@@ -326,7 +326,7 @@ fn motion(table: &Table) -> Result<Motion> {
     Ok(if motion == "dynamic" { Motion::Dynamic } else { Motion::Fixed })
 }
 
-/// The nodes of a core or of a support.
+/// The nodes of a core, of a support or of a load.
 pub(super) fn bind(value: &Value) -> Result<Bind> {
     let table = value.table(&reference::BIND)?;
     let kind = table.exactly_one(&reference::BIND.names())?;

@@ -229,6 +229,11 @@ impl SceneBuilder {
             return Err(Problem::of("name", problem, "names of bodies are unique, and \"tool\" means the tool"));
         }
         body.check()?;
+        let others: Vec<String> = self.scene.bodies.iter().flat_map(Body::reaction_names).collect();
+        if let Some(name) = body.reaction_names().find(|name| others.contains(name)) {
+            let problem = format!("\"{name}\" would be the name of two reactions");
+            return Err(Problem::of("name", problem, "choose names of bodies, cores or supports without '.'"));
+        }
         self.scene.bodies.push(body);
         Ok(())
     }

@@ -13,7 +13,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::cursor::{self, Cursor, Order, short};
-use super::tetrahedra::{Contents, Element, TetMesh, settle};
+use super::tetrahedra::{Contents, Element, TetMesh, VOLUME, settle};
 use crate::Result;
 
 const REMEDY: &str = "export the mesh again as MSH 2.2 or 4.1";
@@ -162,6 +162,10 @@ fn add_element(
 ) -> Result<()> {
     match (kind, nodes) {
         (TETRAHEDRON, &[a, b, c, d]) => {
+            // A tetrahedron has the material of its first group, and its nodes are in all of its groups.
+            for group in groups.iter().skip(1) {
+                file.grouped_nodes.entry((VOLUME, *group)).or_default().extend(nodes);
+            }
             file.elements.push(Element {
                 id,
                 mark: cursor.mark(),
@@ -187,8 +191,8 @@ fn add_element(
 fn dimension_of(kind: u64) -> Option<usize> {
     match kind {
         15 => Some(0),
-        1 | 8 => Some(1),
-        2 | 3 | 9 | 10 | 16 => Some(2),
+        1 | 8 | 26..=28 => Some(1),
+        2 | 3 | 9 | 10 | 16 | 20..=25 => Some(2),
         _ => None,
     }
 }

@@ -12,7 +12,7 @@ use super::Group;
 /// Greatest number of groups that an error lists.
 const MOST_LISTED: usize = 20;
 
-/// The group that each tetrahedron is in.
+/// The group that each tetrahedron is in, and the groups of nodes.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Groups {
     /// Number of each tetrahedron's group; `None`: the tetrahedron is in no group. A generated mesh has an empty list.
@@ -77,7 +77,8 @@ impl Groups {
                 Err((format!("there is no group {wanted} with nodes"), list(&self.of_nodes.iter().collect::<Vec<_>>())))
             }
             several => {
-                let remedy = format!("name one: {}", list(several));
+                let listed: Vec<String> = several.iter().map(|group| group.to_string()).collect();
+                let remedy = format!("rename all but one in the file: {}", listed.join(", "));
                 Err((format!("there are {} groups {wanted}", several.len()), remedy))
             }
         }
@@ -131,7 +132,7 @@ mod tests {
         let (problem, remedy) = groups.nodes_of(&Group::Number(5)).unwrap_err();
         assert_eq!(
             (problem.as_str(), remedy.as_str()),
-            ("there are 2 groups 5", "name one: the file's groups are 5 \"left\" (faces), 5 (volumes)")
+            ("there are 2 groups 5", "rename all but one in the file: 5 \"left\" (faces), 5 (volumes)")
         );
         let (problem, remedy) = groups.nodes_of(&Group::Name("right".into())).unwrap_err();
         assert_eq!(problem, "there is no group \"right\" with nodes");

@@ -46,8 +46,8 @@ pub enum LoadKind {
         /// The region.
         on: Bind,
     },
-    /// A force (N) and a torque (N m) on the dynamic core with this name, at the origin of its frame: the centre of mass of
-    /// its nodes, or the point of its hinge.
+    /// A force (N) and a torque (N m) on the dynamic core with this name. The force acts at the centre of mass of its nodes;
+    /// a core on a hinge takes no force, and of a torque only the part about the hinge moves it.
     Core {
         /// Name of the core.
         core: String,
@@ -128,6 +128,10 @@ impl Load {
                         let problem = format!("the core \"{core}\" is not moved by forces");
                         return Err(Problem::of("core", problem, "give it motion = \"dynamic\", or remove the load"));
                     }
+                    Some(own) if own.hinge.is_some() && *force != DVec3::ZERO => {
+                        let problem = format!("acts on the hinge of \"{core}\", which holds it");
+                        return Err(Problem::of("force", problem, "give `torque`, or let the core move freely"));
+                    }
                     Some(_) => {}
                 }
             }
@@ -137,7 +141,13 @@ impl Load {
             let sound = || {
                 check::finite(*time)?;
                 check::finite(*factor)?;
-                check::key_time(*time, before)
+                match before {
+                    Some(before) if before >= *time => {
+                        let problem = format!("time {time:?} does not come after {before:?}");
+                        Err(Problem::new(problem, "give pairs of time and factor, with times that increase"))
+                    }
+                    _ => Ok(()),
+                }
             };
             sound().under(format!("factors[{k}]"))?;
             before = Some(*time);
@@ -169,7 +179,10 @@ fn load(body: &Table, element: &Value, only_core: Option<&str>) -> Result<Load> 
     let unnamed = element.table(&reference::LOAD)?;
     let name = unnamed.need("name")?.name()?;
     let table = unnamed.renamed(body.dotted(&format!("load.{name}")));
-    let factors = |value: &Value| value.array()?.iter().map(|pair| pair.array_of(Value::number)).collect();
+    let factors = |value: &Value| match &value.array()?[..] {
+        [] => Err(value.error("is empty", "give pairs of time and factor, or leave it out")),
+        pairs => pairs.iter().map(|pair| pair.array_of(Value::number)).collect(),
+    };
     let factors = table.option("factors", factors)?.unwrap_or_default();
     let kind = table.exactly_one(&["force", "traction", "pressure", "torque"])?;
     let value = table.need(kind)?;

@@ -316,6 +316,17 @@ impl Body {
         }
     }
 
+    /// Whether steps report what holds the body.
+    pub(crate) fn reports_reactions(&self) -> bool {
+        self.reactions.unwrap_or(!self.supports.is_empty())
+    }
+
+    /// Names of the reactions that a body may report: `BODY.NAME` for each of its cores and supports.
+    pub(crate) fn reaction_names(&self) -> impl Iterator<Item = String> {
+        let names = self.cores.iter().map(|core| &core.name).chain(self.supports.iter().map(|support| &support.name));
+        names.filter(|_| self.reports_reactions()).map(|name| format!("{}.{name}", self.name))
+    }
+
     /// A soft body with a skin, `surface`, and a layer. No node is attached yet: add cores to hold the body.
     pub fn soft(name: &str, surface: Surface, layer: Layer, material: Material) -> Body {
         Body::of(name, Shape::Soft { surface: Some(surface), layer }, Some(material), Vec::new())

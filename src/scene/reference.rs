@@ -468,7 +468,7 @@ pub const HINGE: TableKeys = TableKeys {
 /// Keys of `bind = { .. }`.
 pub const BIND: TableKeys = TableKeys {
     heading: "bind = { .. }",
-    meaning: "The nodes that are attached to a core, or that a support holds.",
+    meaning: "The nodes that are attached to a core, that a support holds, or on which a load acts.",
     keys: &[
         key("inset", "in the file's units, >= 0", ONE_OF, "Nodes that lie at least so deep below the surface."),
         key("box", "[[x, y, z], [x, y, z]], in the file's units", ONE_OF, "Nodes in a box."),
@@ -511,7 +511,7 @@ pub const LOAD: TableKeys = TableKeys {
             "force",
             "[x, y, z], N",
             ONE_OF,
-            "A force, which the nodes share equally, or which acts on the core's middle.",
+            "A force, which the nodes share equally, or which acts at the core's centre of mass.",
         ),
         key(
             "traction",
@@ -525,7 +525,12 @@ pub const LOAD: TableKeys = TableKeys {
             ONE_OF,
             "A pressure on such triangles, against the outward normal; it turns and grows with them.",
         ),
-        key("torque", "[x, y, z], N m", ONE_OF, "A torque on the core."),
+        key(
+            "torque",
+            "[x, y, z], N m",
+            ONE_OF,
+            "A torque on the core; on a hinge only the part about its axis turns the core, which takes no `force`.",
+        ),
         key("bind", "table", ONE_OF, "The nodes, or the part of the skin."),
         key("core", "a name", ONE_OF, "The dynamic core on which a force or a torque acts."),
         key(

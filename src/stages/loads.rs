@@ -80,9 +80,12 @@ impl Model {
                     triangles.iter().for_each(|triangle| self.loads.add_triangle(body, *triangle, node_first, index));
                 }
                 (LoadKind::Core { force, torque, .. }, Part::Core(core)) => {
-                    let both = [source(*force, 0.0), source(*torque, 0.0)];
-                    self.loads.add(Target::Force(frame_first + core), both[0], 1.0);
-                    self.loads.add(Target::Torque(frame_first + core), both[1], 1.0);
+                    let frame = frame_first + core;
+                    let parts = [(*force, Target::Force(frame)), (*torque, Target::Torque(frame))];
+                    for (vector, target) in parts.into_iter().filter(|(vector, _)| *vector != DVec3::ZERO) {
+                        self.loads.sources.push(Source { load: load.source.clone(), vector, pressure: 0.0 });
+                        self.loads.add(target, self.loads.sources.len() as u32 - 1, 1.0);
+                    }
                 }
                 // Preparation pairs each kind of load with what it acts on.
                 _ => {}

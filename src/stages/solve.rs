@@ -308,7 +308,9 @@ impl Solve {
             gather_loop: gather(shaders::GATHER_LOOP)?,
             gather_final: gather(shaders::GATHER_END)?,
             coarse: is_coarse.then(coarse_kernels).transpose()?,
-            cores: (!model.cores.is_empty()).then(|| reduce("solve/cores", &[joints, held])).transpose()?,
+            cores: (!model.cores.is_empty())
+                .then(|| reduce("solve/cores", &[joints, held, loaded, nodes_c]))
+                .transpose()?,
             first_residual: reduce(
                 "solve/first_residual",
                 &[

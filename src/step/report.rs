@@ -46,7 +46,7 @@ pub struct StepReport {
     /// Reactions: the force (N) and the torque about the world's origin (N m) by which each support, and each fixed or
     /// driven core, acts on its soft body; world axes, in the order of [`crate::Simulation::reaction_names`]. Torques are
     /// those of forces at the places of the nodes at the start of the step. The inertia of nodes attached to a driven
-    /// core is not part of it, their weight is. Of a step in parts, the reactions in the last part.
+    /// core is not part of it; their weight and their mass-proportional damping are. Of a step in parts, the reactions in the last part.
     pub reactions: Vec<Wrench>,
 }
 

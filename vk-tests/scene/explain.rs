@@ -114,6 +114,8 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
     let bound = "[[body]]\nname = \"block\"\nlayer = { box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]], cells = [8, 8, 8] }\n\
                  material = { young = 2e4, poisson = 0.45, density = 1000.0 }\n\
                  [[body.core]]\nname = \"core\"\nmotion = \"dynamic\"\nbind = { all = true }\n";
+    let load =
+        |what: &str| format!("[[body.load]]\nname = \"l\"\n{what}\nbind = {{ box = [[-1, 0.029, -1], [1, 1, 1]] }}\n");
     let supported = block(
         "",
         "",
@@ -134,6 +136,8 @@ fn every_kernel_of_made_scenes_is_recorded_or_left_out_for_a_reason() {
         ("joined cores", joined),
         ("half-space", format!("{BAR}{floor}")),
         ("supports", supported.clone()),
+        ("a load on nodes", block("", "", "", &load("force = [0, 1, 0]"))),
+        ("pressure", block("", "", "", &load("pressure = 10.0"))),
         ("supports, a coarse space", format!("[solver]\npreconditioner = \"coarse\"\n{supported}")),
         ("a tool alone", TOOL.into()),
     ] {

@@ -269,6 +269,72 @@ fn a_rigid_body_follows_newton_and_euler() {
     assert!((turned - angle).abs() < 1e-5 * angle, "the ball turned by {turned}, closed form {angle}");
 }
 
+/// Two soft bodies, one of them in centimetres and turned, each with supports and loads of its own, and between them in
+/// the arrays a dynamic rigid body that floats on a load.
+#[test]
+fn each_body_has_its_own_supports_and_loads() {
+    let folder = tempfile::tempdir().unwrap();
+    let (vertices, triangles) = palpate::internal::prepare::sphere::icosphere(0.02);
+    let mut obj = String::new();
+    vertices.iter().for_each(|v| obj += &format!("v {} {} {}\n", v.x, v.y, v.z));
+    triangles.iter().for_each(|t| obj += &format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
+    std::fs::write(folder.path().join("ball.obj"), obj).unwrap();
+    let soft = |name: &str, size: f64, more: &str| {
+        format!(
+            "[[body]]\nname = \"{name}\"\ncollides = []\nlayer = {{ box = [[0, 0, 0], [{size:?}, {size:?}, {size:?}]], cells = [3, 3, 3] }}\n\
+             material = {{ young = 2e4, poisson = 0.4, density = 1000.0, damping_mass = 20.0 }}\n{more}\
+             [[body.support]]\nname = \"floor\"\nplane = [0, 1, 0]\n\
+             bind = {{ box = [[-9, -9, -9], [9, {:?}, 9]] }}\n\
+             [[body.support]]\nname = \"pin\"\npoint = true\nbind = {{ nodes = [0, 1] }}\n",
+            1e-6 * size
+        )
+    };
+    let text = "[step]\ndt = 0.01\n[solver]\ntolerance = 1e-7\nmax_iterations = 1000\n".to_string()
+        + &soft("first", 0.04, "")
+        + "[[body.load]]\nname = \"pull\"\nforce = [0.1, 0.05, -0.02]\nbind = { box = [[-1, 0.0399, -1], [1, 1, 1]] }\n"
+        + "[[body]]\nname = \"ball\"\ncollides = []\nsurface = \"ball.obj\"\nmotion = \"dynamic\"\nmass = 0.2\n\
+           [[body.load]]\nname = \"lift\"\nforce = [0.0, 1.962, 0.0]\n"
+        + &soft(
+            "second",
+            5.0,
+            "scale = 0.01\nposition = [1.0, 2.0, -3.0]\norientation = [0.0, 0.0, 0.1, 0.99498743710662]\n",
+        )
+        + "[[body.load]]\nname = \"wind\"\ntraction = [30.0, 40.0, -20.0]\n\
+           bind = { box = [[-1.0, 4.999, -1.0], [6.0, 6.0, 6.0]] }\n";
+    let file = folder.path().join("two.toml");
+    std::fs::write(&file, text).unwrap();
+    let mut simulation = open(&palpate::Scene::load(&file).unwrap(), None);
+    let gravity = simulation.scene().step.gravity;
+    let pull = DVec3::new(0.1, 0.05, -0.02);
+    let wind = 0.05 * 0.05 * DVec3::new(30.0, 40.0, -20.0);
+    let names: Vec<String> = simulation.reaction_names().map(Into::into).collect();
+    assert_eq!(names, ["first.floor", "first.pin", "second.floor", "second.pin"]);
+    let rests = |simulation: &mut Simulation, what: &str| {
+        let row = run(simulation, 200).pop().unwrap();
+        assert_eq!(row.flags.0, 0, "{what}");
+        for (body, size, load) in [(0, 0.04, pull), (1, 0.05, wind)] {
+            let weight: DVec3 = 1000.0 * f64::powi(size, 3) * gravity;
+            let held = row.reactions[2 * body].force + row.reactions[2 * body + 1].force;
+            let error = (held + weight + load).length() / weight.length();
+            println!("{what}, body {body}: reactions are off by {error:.1e} of the weight");
+            assert!(error < CLOSED, "{what}: body {body} is held by {held}, weighs {weight}, and carries {load}");
+        }
+    };
+    rests(&mut simulation, "at rest");
+    let ball = simulation.core_pose(1, 0).unwrap().position;
+    // In two seconds a ten-millionth of its weight moves it by 2 um.
+    assert!(ball.length() < 1e-5, "the ball that floats has moved by {ball}");
+    // Another material at run time: supports and loads stay.
+    let softer = palpate::scene::Material { young: 1e4, ..simulation.materials(2)[0] };
+    let before = simulation.nodes(2).unwrap().unwrap().0;
+    simulation.set_material(2, 0, softer).unwrap();
+    rests(&mut simulation, "with a softer body");
+    let after = simulation.nodes(2).unwrap().unwrap().0;
+    let largest = |all: &[DVec3]| all.iter().map(|d| d.length()).fold(0.0, f64::max);
+    let ratio = largest(&after) / largest(&before);
+    assert!((1.8..2.3).contains(&ratio), "half the stiffness gives {ratio} times the displacement");
+}
+
 #[test]
 fn the_work_of_slow_loads_is_the_elastic_energy() {
     let pull = 5e3;

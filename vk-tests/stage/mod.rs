@@ -12,6 +12,7 @@ pub mod fields;
 pub mod flow;
 pub mod frames;
 pub mod gap;
+mod loads;
 pub mod mean_dilatation;
 pub mod meet;
 pub mod overflows;

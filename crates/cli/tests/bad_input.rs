@@ -122,6 +122,7 @@ fn mistakes_in_supports() {
         + "\n";
     let support = |keys: &str| format!("{body}[[body.support]]\nname = \"s\"\n{keys}\n");
     let low = "bind = { box = [[-1, -1, -1], [2, 0.1, 2]] }";
+    let roller = format!("plane = [0, 1, 0]\n{low}");
     let core = |motion: &str| format!("[[body.core]]\nname = \"c\"\n{motion}\n{low}\n");
     let mesh = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n2 5 \"left\"\n$EndPhysicalNames\n$Nodes\n4\n\
                 1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n$Elements\n2\n1 2 2 5 1 1 3 4\n2 4 2 7 1 1 2 3 4\n\
@@ -166,6 +167,15 @@ fn mistakes_in_supports() {
             "[[body]]\nname = \"a\"\nsurface = \"cube.obj\"\nreactions = true\n".into(),
             "`body.a.reactions`: belongs to a soft body, and this one is rigid; remove it",
         ),
+        (format!("{body}reactions = true\n"), "`body.a.reactions`: nothing that holds the body has a reaction"),
+        (
+            format!(
+                "{}[[body.support]]\nname = \"b.c\"\n{roller}\n{}[[body.support]]\nname = \"c\"\n{roller}\n",
+                body,
+                body.replace("\"a\"", "\"a.b\"")
+            ),
+            "`body[1].name`: \"a.b.c\" would be the name of two reactions",
+        ),
         (
             support("point = true\nbind = { group = \"left\" }"),
             "there is no group \"left\" with nodes; the body's mesh has no groups",
@@ -185,6 +195,86 @@ fn mistakes_in_supports() {
     fs::write(&file, of_file("\"left\"")).unwrap();
     let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1"]);
     assert!(output.status.success(), "a good support: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn mistakes_in_loads() {
+    let folder = folder();
+    let all = "bind = { all = true }";
+    let body = "[[body]]\nname = \"a\"\nlayer = { box = [[0, 0, 0], [1, 1, 1]], cells = [2, 2, 2] }\n".to_owned()
+        + MATERIAL
+        + "\n";
+    let load = |keys: &str| format!("{body}[[body.load]]\nname = \"l\"\n{keys}\n");
+    let core = "[[body.core]]\nname = \"c\"\nbind = { box = [[-1, -1, -1], [2, 0.1, 2]] }\n";
+    let rigid = |keys: &str| {
+        format!(
+            "[[body]]\nname = \"a\"\nsurface = \"cube.obj\"\nmotion = \"dynamic\"\nmass = 1.0\n\
+             [[body.load]]\nname = \"l\"\n{keys}\n"
+        )
+    };
+    for (scene, words) in [
+        (load(all), "give exactly one of: force, traction, pressure, torque"),
+        (load("force = [1, 0, 0]"), "`body.a.load.l.bind`: missing; give exactly one of: bind, core"),
+        (load(&format!("force = [1, 0]\n{all}")), "`body.a.load.l.force`"),
+        (load(&format!("pressure = inf\n{all}")), "`body.a.load.l.pressure`: is inf; give a finite number"),
+        (load(&format!("torque = [1, 0, 0]\n{all}")), "`body.a.load.l.torque`: acts on a core; give `core` in place"),
+        (load("pressure = 1\ncore = \"c\"") + core, "`body.a.load.l.pressure`: acts on the skin, and not on a core"),
+        (
+            load("force = [1, 0, 0]\ncore = \"d\"") + core,
+            "`body.a.load.l.core`: there is no core \"d\"; the body's cores are c",
+        ),
+        (load("force = [1, 0, 0]\ncore = \"c\"") + core, "`body.a.load.l.core`: the core \"c\" is not moved by forces"),
+        (load("force = [1, 0, 0]\ncore = \"c\""), "the body has no cores: give `bind`"),
+        (
+            load("force = [1, 0, 0]\nbind = { box = [[5, 5, 5], [6, 6, 6]] }"),
+            "`body.a.load.l.bind`: no node lies in the region: the load acts on nothing; enlarge the region",
+        ),
+        (
+            load("pressure = 1\nbind = { box = [[0.4, 0.4, 0.4], [0.6, 0.6, 0.6]] }"),
+            "`body.a.load.l.bind`: no triangle of the skin lies with all corners in the region",
+        ),
+        (
+            load("pressure = 1\nbind = { box = [[-1, -1, -1], [2, 0.1, 2]] }") + core,
+            "`body.a.load.l.bind`: acts only on nodes of cores that do not move by forces: it changes nothing",
+        ),
+        (
+            rigid("force = [1, 0, 0]")
+                .replace("[[body.load]]", "hinge = { point = [0, 0, 0], axis = [0, 0, 1] }\n[[body.load]]"),
+            "`body.a.load.l.force`: acts on the hinge of \"a\", which holds it; give `torque`",
+        ),
+        (load("pressure = 1\nbind = { inset = 0.1 }"), "`body.a.load.l.bind`: is no part of the skin"),
+        (
+            load(&format!("pressure = 1\n{all}\nfactors = [[1, 1], [1, 2]]")),
+            "`body.a.load.l.factors[1]`: time 1.0 does not come after 1.0; give pairs of time and factor",
+        ),
+        (load(&format!("pressure = 1\n{all}\nfactors = []")), "`body.a.load.l.factors`: is empty"),
+        (load(&format!("pressure = 1\n{all}\nfactors = [1, 1]")), "`body.a.load.l.factors[0]`"),
+        (
+            load(&format!("pressure = 1\n{all}\n[[body.load]]\nname = \"l\"\npressure = 1\n{all}")),
+            "`body.a.load.l.name`: \"l\" is taken by another load",
+        ),
+        (
+            rigid("pressure = 1"),
+            "`body.a.load.l.pressure`: acts on the skin, and not on a core; give `force` or `torque`",
+        ),
+        (rigid(&format!("force = [1, 0, 0]\n{all}")), "`body.a.load.l.bind`: has no meaning for a rigid body"),
+        (
+            rigid("force = [1, 0, 0]").replace("motion = \"dynamic\"\nmass = 1.0\n", ""),
+            "`body.a.load.l.core`: the core \"a\" is not moved by forces",
+        ),
+        (
+            "[[body]]\nname = \"a\"\nplane = [0, 1, 0, 0]\n[[body.load]]\nname = \"l\"\nforce = [1, 0, 0]\n".into(),
+            "has no meaning for a plane",
+        ),
+    ] {
+        let message = refusal(folder.path(), &scene);
+        assert!(message.contains(words), "expected `{words}` in: {message}");
+    }
+    let file = folder.path().join("good.toml");
+    let good = load(&format!("pressure = 1\n{all}\nfactors = [[0, 0], [1, 1]]")) + core;
+    fs::write(&file, good).unwrap();
+    let output = palpate(&["run", file.to_str().unwrap(), "--steps", "1"]);
+    assert!(output.status.success(), "a good load: {}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]

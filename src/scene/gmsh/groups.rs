@@ -51,7 +51,7 @@ pub(super) fn entities(cursor: &mut Cursor, file: &mut Contents) -> Result<Entit
             if dimension == VOLUME && physical.len() > 1 {
                 let all: Vec<String> = physical.iter().map(i64::to_string).collect();
                 let all = all.join(", ");
-                file.notes.push(format!("volume {tag} is in physical groups {all}; the first is used"));
+                file.notes.push(format!("volume {tag} is in physical groups {all}; for materials the first is used"));
             }
         }
     }
@@ -139,8 +139,13 @@ mod tests {
             v4("1 1 0 2\n1 0 0 0 0\n1 0 0 0 1 1 1 0 2 1 -1\n1 0 0 0 1 1 1 0 0\n8 0 0 0 1 1 1 2 -5 6 1 2").unwrap();
         assert_eq!(mesh.groups.of, [None, Some(5)]);
         assert_eq!(mesh.groups.names, [(5, "fat".to_string())].into());
-        assert!(mesh.notes.iter().any(|note| note.contains("volume 8 is in physical groups -5, 6; the first")));
-        let [fat] = &mesh.groups.of_nodes[..] else { panic!("{:?}", mesh.groups) };
+        assert!(
+            mesh.notes
+                .iter()
+                .any(|note| note.contains("volume 8 is in physical groups -5, 6; for materials the first"))
+        );
+        let [fat, six] = &mesh.groups.of_nodes[..] else { panic!("{:?}", mesh.groups) };
+        assert_eq!((six.to_string().as_str(), &six.nodes), ("6 (volumes)", &fat.nodes));
         assert_eq!((fat.to_string().as_str(), &fat.nodes[..]), ("5 \"fat\" (volumes)", &[1, 2, 3, 4][..]));
         // A point, a line and a triangle, on entities that are in one, two and no groups.
         let text = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n1 1 1 1\n1 0 0 0 1 4\n1 0 0 0 1 1 1 2 4 9 0\n\

@@ -342,6 +342,7 @@ impl Solve {
             rigids: &self.rigids,
             rigid_blocks: &self.rigid_blocks,
             rigid_inverses: &self.rigid_inverses,
+            external_forces: self.loads.as_ref().map(|loads| &loads.external_forces),
         };
         recorder.dispatch_groups(kernel, &arguments, self.core_count as u32);
     }

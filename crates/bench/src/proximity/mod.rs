@@ -149,6 +149,7 @@ fn rigid(name: &str, vertices: Vec<glam::DVec3>, triangles: Vec<[u32; 3]>) -> Re
         position: glam::DVec3::ZERO,
         orientation: glam::DQuat::IDENTITY,
         velocity: glam::DVec3::ZERO,
+        loads: Vec::new(),
         report: prepare::BodyReport::default(),
     })
 }
