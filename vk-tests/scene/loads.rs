@@ -2,9 +2,10 @@
 //! homogeneous stretch and shear, and the work of loads.
 
 use glam::{DMat3, DVec3};
-use palpate::Simulation;
+use palpate::{Options, Simulation};
 use palpate_oracle as oracle;
 
+use crate::harness::spoil::spoiled;
 use crate::scene::bones::twin_cores;
 use crate::scene::supports::{reaction_error, reactions_of};
 use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
@@ -200,32 +201,67 @@ fn loaded(law: &str, solver: &str) -> String {
     )
 }
 
+/// Runs the bar of [`loaded`] beside the oracle for some steps, with kernels replaced. Returns the greatest errors of
+/// displacements and of reactions, and whether a step had flags.
+fn beside_the_oracle(text: &str, steps: usize, replaced: Vec<(String, Vec<u8>)>) -> ([f64; 2], bool) {
+    let scene = scene(text);
+    crate::harness::turn();
+    let device = std::env::var("PALPATE_TEST_DEVICE").ok();
+    let options = Options { device, validation: crate::harness::validation(), replaced, ..Options::of_program() };
+    let mut simulation = Simulation::open(&scene, &options).unwrap();
+    let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
+    twin.newton = 2;
+    twin.bodies.push(soft_twin(&simulation, 0));
+    twin.cores.extend(twin_cores(&simulation, 0));
+    let body = simulation.bodies()[0].clone();
+    let (mut errors, mut has_flags) = ([0.0f64; 2], false);
+    for _ in 0..steps {
+        let row = run(&mut simulation, 1).remove(0);
+        has_flags |= row.flags.0 != 0;
+        let start = twin.bodies[0].clone();
+        twin.node_loads = vec![oracle::loads::on_nodes(&body, &start, row.time)];
+        twin.core_loads = vec![oracle::loads::on_core(&body, 0, row.time)];
+        let report = twin.step(None, &[]).unwrap();
+        let (moved, _) = simulation.nodes(0).unwrap().unwrap();
+        errors[0] = errors[0].max(relative_error(&moved, &twin.bodies[0].displacement));
+        let want = reactions_of(&simulation, 0, &start, &report.holding[0]);
+        errors[1] = errors[1].max(reaction_error(&row.reactions, &want));
+    }
+    (errors, has_flags)
+}
+
 #[test]
 #[ignore = "long: 15 s"]
 fn a_loaded_bar_moves_and_is_held_as_the_oracles() {
     for (law, solver) in [("corotational", ""), ("neo-hookean", "preconditioner = \"coarse\"")] {
-        let scene = scene(&loaded(law, solver));
-        let mut simulation = open(&scene, None);
-        let mut twin = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
-        twin.newton = 2;
-        twin.bodies.push(soft_twin(&simulation, 0));
-        twin.cores.extend(twin_cores(&simulation, 0));
-        let body = simulation.bodies()[0].clone();
-        let (mut shape, mut reaction) = (0.0f64, 0.0f64);
-        for _ in 0..20 {
-            let row = run(&mut simulation, 1).remove(0);
-            assert_eq!(row.flags.0, 0, "flags of step {}", row.step);
-            let start = twin.bodies[0].clone();
-            twin.node_loads = vec![oracle::loads::on_nodes(&body, &start, row.time)];
-            twin.core_loads = vec![oracle::loads::on_core(&body, 0, row.time)];
-            let report = twin.step(None, &[]).unwrap();
-            let (moved, _) = simulation.nodes(0).unwrap().unwrap();
-            shape = shape.max(relative_error(&moved, &twin.bodies[0].displacement));
-            let want = reactions_of(&simulation, 0, &start, &report.holding[0]);
-            reaction = reaction.max(reaction_error(&row.reactions, &want));
-        }
+        let ([shape, reaction], has_flags) = beside_the_oracle(&loaded(law, solver), 20, Vec::new());
         println!("{law}: displacements {shape:.2e}, reactions {reaction:.2e}");
+        assert!(!has_flags, "{law}: steps have flags");
         assert!(shape < SHAPE && reaction < REACTION, "{law}: displacements {shape:e}, reactions {reaction:e}");
+    }
+}
+
+#[test]
+#[ignore = "long: 20 s"]
+fn a_fault_in_any_kernel_of_supports_or_loads_is_seen() {
+    for (kernel, from, to) in [
+        ("solve/assemble", "b = along;", "b += along;"),
+        ("solve/assemble", "supported[i].taken = b - along;", "supported[i].taken = along;"),
+        ("solve/assemble", "vec3 load = h *", "vec3 load = 0.9 * h *"),
+        ("solve/assemble", "NODES + 2 * block.rigid + 1)", "NODES + 2 * block.rigid)"),
+        ("solve/gather", "w = along;", "w += along;"),
+        ("solve/gather", "w - along - supported[i].taken", "w - along + supported[i].taken"),
+        ("solve/reactions", "cross(at, own)", "cross(own, at)"),
+        ("solve/reactions", "/ params.dt", "/ (1.01 * params.dt)"),
+        ("elastic/loads", "sum += uintBitsToFloat", "sum -= uintBitsToFloat"),
+        ("elastic/loads", "entry.x - SOURCES", "0"),
+        ("elastic/pressures", "-0.5 * pressure", "0.5 * pressure"),
+    ] {
+        let fault = vec![(kernel.to_string(), spoiled(kernel, from, to))];
+        let ([shape, reaction], has_flags) = beside_the_oracle(&loaded("corotational", ""), 3, fault);
+        println!("{kernel}, `{to}`: displacements {shape:.1e}, reactions {reaction:.1e}, flags {has_flags}");
+        let is_seen = has_flags || !(shape < 20.0 * SHAPE) || !(reaction < 20.0 * REACTION);
+        assert!(is_seen, "{kernel} with `{to}` is not seen: displacements {shape:e}, reactions {reaction:e}");
     }
 }
 
