@@ -73,12 +73,16 @@ pub use haptics::{Dialect, HaplyService};
 #[doc(hidden)]
 pub use haptics::{NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
 pub use joint::{Joint, Resistance};
-pub use loads::{Load, LoadKind};
+pub use loads::Load;
+#[doc(hidden)]
+pub use loads::LoadKind;
 pub use material::{Group, Material, MaterialLaw, Place, Region};
 pub use model::Model;
 pub use profile::Profile;
 pub use skeleton::{Bone, Skeleton};
-pub use support::{Constraint, Support};
+#[doc(hidden)]
+pub use support::Constraint;
+pub use support::Support;
 
 /// A whole scene.
 #[derive(Debug, Clone)]
