@@ -449,8 +449,17 @@ fn shape(name: &str, extent: Extent) -> Result<Option<Axis>> {
                 let cases = cases.map(|c| if is_still { still(c) } else { c }).collect();
                 Cell { label: label.into(), is_core: true, cases }
             };
-            let cells = vec![cell("all but one", Attachment::AllButOne, false), cell("all", Attachment::All, true)];
-            Axis { name: "bound", title: "Attached nodes", is_listed: true, cells }
+            let stiff = both(with(|setup| setup.change_materials(|material| material.young = 2e6)));
+            let on_rollers =
+                |case: Case| Case { setup: Setup { attachment: Attachment::Rollers, ..case.setup }, ..case };
+            let stiff = stiff.into_iter().map(on_rollers).collect();
+            let cells = vec![
+                cell("all but one", Attachment::AllButOne, false),
+                cell("all", Attachment::All, true),
+                cell("rollers", Attachment::Rollers, false),
+                Cell { label: "rollers, 2 MPa".into(), is_core: true, cases: stiff },
+            ];
+            Axis { name: "bound", title: "Attached and supported nodes", is_listed: true, cells }
         }
         "body" => {
             let at = |case: Case, attachment| Case { setup: Setup { attachment, ..case.setup }, ..case };

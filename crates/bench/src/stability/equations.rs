@@ -80,16 +80,18 @@ impl Before {
         let mut left = Left::default();
         for i in (0..start.len()).filter(|i| !self.body.layer.attached[*i]) {
             let (mass, damping, push) = (elements.masses[i], elements.damping[i], &pushed[i]);
+            // What supports take from the equations of a node is left to the forces that hold it.
+            let left_to = self.body.supports[i];
             let own = impulses[i] + h * mass * done.gravity - h * damping * start[i];
             let image = (mass + h * damping) * change[i] + stiff[i];
             let diagonal = mass + h * damping + sizes[i].0 + push.diagonal;
             let floor = sizes[i].1
                 + mass * (start[i].length() + end[i].length() + h * done.gravity.length())
                 + h * damping * (start[i].length() + end[i].length());
-            left.left2 += (own + push.end - image).length_squared() / diagonal;
+            left.left2 += (left_to * (own + push.end - image)).length_squared() / diagonal;
             // Where forces cancel, b is small; the weight still shows how large they are.
             let weight2 = (h * mass * done.gravity).length_squared();
-            left.size2 += ((own + push.start).length_squared() + weight2) / diagonal;
+            left.size2 += ((left_to * (own + push.start)).length_squared() + weight2) / diagonal;
             left.floor2 += (ROUNDINGS * HALF_ULP * floor + push.rounding).powi(2) / diagonal;
         }
         self.tool_rows(done, &mut left);

@@ -2,6 +2,7 @@
 //! invariants): energies and equations of several bodies in contact are those of a single body whose mesh falls into
 //! parts.
 
+use palpate::internal::prepare::supports::{Freedom, Supports};
 use palpate::internal::prepare::{Body, Layer, Materials, Shape};
 use palpate::{Error, Result};
 use palpate_oracle::contact_law::auto_stiffness;
@@ -12,6 +13,8 @@ pub struct Joined {
     pub layer: Layer,
     /// Materials of the tetrahedra.
     pub materials: Materials,
+    /// What supports leave to the nodes.
+    pub supports: Supports,
     /// For each body its number of nodes.
     pub nodes: Vec<usize>,
     /// For each skin vertex the nodes, with weights, by which it is embedded in the layer.
@@ -29,6 +32,7 @@ pub fn joined(bodies: &[Body]) -> Result<Joined> {
     let mut all = Joined {
         layer: Layer { nodes: Vec::new(), tetrahedra: Vec::new(), attached: Vec::new(), patches: Vec::new() },
         materials: Materials { all: Vec::new(), which: Vec::new() },
+        supports: Supports::default(),
         nodes: Vec::new(),
         vertices: Vec::new(),
         triangles: Vec::new(),
@@ -36,13 +40,15 @@ pub fn joined(bodies: &[Body]) -> Result<Joined> {
     };
     let mut own = Vec::new();
     for body in bodies {
-        let Shape::Soft { layer, materials, embedding, skin, .. } = &body.shape else { break };
+        let Shape::Soft { layer, materials, supports, embedding, skin, .. } = &body.shape else { break };
         let (node, vertex) = (all.layer.nodes.len(), all.vertices.len() as u32);
         let material = all.materials.all.len() as u32;
         let away = body.position - bodies[0].position;
         all.layer.nodes.extend(layer.nodes.iter().map(|x| *x + away));
         all.layer.tetrahedra.extend(layer.tetrahedra.iter().map(|t| t.map(|i| node as u32 + i)));
         all.layer.attached.extend(&layer.attached);
+        let of_node = |n: usize| supports.freedom.get(n).copied().unwrap_or(Freedom::Free);
+        all.supports.freedom.extend((0..layer.nodes.len()).map(of_node));
         let which = (0..layer.tetrahedra.len()).map(|e| material + materials.index(e) as u32);
         all.materials.which.extend(which);
         all.materials.all.extend(&materials.all);

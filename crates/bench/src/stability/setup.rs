@@ -9,8 +9,8 @@ use glam::{DQuat, DVec3};
 use palpate::Scene;
 use palpate::scene::preset::Preset;
 use palpate::scene::{
-    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Region, Shape, Surface, Tool,
-    ToolShape,
+    Bind, Body, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Region, Shape, Support, Surface,
+    Tool, ToolShape,
 };
 
 /// A node lies on a face of the block if its distance from the face is at most this share of the block's edge.
@@ -20,7 +20,8 @@ pub const RADIUS: f64 = 0.2;
 /// Gap between sphere and block at the start, in block edges, if the haptic device has no path.
 const GAP: f64 = 0.02;
 
-/// The nodes that are attached to the fixed rigid core (rigid body inside the block, which holds these nodes in place).
+/// What holds the block: mostly nodes that are attached to a fixed rigid core (rigid body inside the block, which holds
+/// these nodes in place).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Attachment {
     /// The face x = 0, from which the block hangs out sideways.
@@ -31,6 +32,8 @@ pub enum Attachment {
     LowestQuarter,
     /// The nodes within a sixth of the edge of the line through the block's centre along x.
     Bone,
+    /// Rollers on the faces x = 0, y = 0 and z = 0, in place of a core.
+    Rollers,
     /// No nodes.
     Nothing,
     /// All nodes.
@@ -228,11 +231,20 @@ impl Setup {
             dilatation: Dilatation::Element,
             repair: true,
             joints: Vec::new(),
-            supports: Vec::new(),
+            supports: if self.attachment == Attachment::Rollers { self.rollers() } else { Vec::new() },
             loads: Vec::new(),
             reactions: None,
             skeleton: None,
         }
+    }
+
+    fn rollers(&self) -> Vec<Support> {
+        let (thin, wide) = (ON_FACE * self.edge, DVec3::splat(2.0 * self.edge));
+        let roller = |(name, normal): (&str, DVec3)| {
+            let bind = Bind::Box { low: -wide, high: wide - normal * (wide - thin) };
+            Support::plane(name, normal.to_array(), bind)
+        };
+        ["x", "y", "z"].into_iter().zip(DVec3::AXES).map(roller).collect()
     }
 
     fn bind(&self) -> Option<Bind> {
@@ -253,7 +265,7 @@ impl Setup {
                 let low = DVec3::new(-wide, middle - near, middle - near);
                 Some(Bind::Box { low, high: DVec3::new(wide, middle + near, middle + near) })
             }
-            Attachment::Nothing => None,
+            Attachment::Rollers | Attachment::Nothing => None,
             Attachment::All => Some(Bind::All),
             Attachment::AllButOne => Some(Bind::Nodes((0..(self.cells + 1).pow(3) - 1).collect())),
         }

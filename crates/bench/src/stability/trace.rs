@@ -113,7 +113,8 @@ impl Observer {
         let all = joined(simulation.bodies())?;
         let skin = Skin::new(&all, simulation.bodies(), scene)?;
         let (position, orientation) = (first.position, first.orientation);
-        let body = SoftBody::new(all.layer, all.materials, position, orientation, first.velocity);
+        let body =
+            SoftBody::new(all.layer, all.materials, position, orientation, first.velocity).supported(&all.supports);
         let tool = simulation.tool();
         let mut observer = Observer {
             rotations: vec![DQuat::IDENTITY; body.layer.tetrahedra.len()],
