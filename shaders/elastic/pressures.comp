@@ -5,9 +5,9 @@
 #include "shared/types.glsl"
 #include "shared/rotation.glsl"
 
-// Elastic stage: the force of a pressure p on each loaded triangle of a skin (surface mesh), -p (b - a) x (c - a) / 2, with
-// its corners a, b, c where they are at the start of the step, counter-clockwise seen from outside. One invocation runs
-// for each triangle. The f64 reference is oracle::loads. A frame is a rigid coordinate frame.
+// Elastic stage: the force of a pressure p on each loaded triangle of a skin (surface mesh), -p (b - a) x (c - a) / 2,
+// with its corners a, b, c where they are at the start of the step, counter-clockwise seen from outside. One invocation
+// runs for each triangle. The f64 reference is oracle::loads. A frame is a rigid coordinate frame.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TRIANGLES = 0;

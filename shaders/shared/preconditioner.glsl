@@ -10,9 +10,9 @@
 // singular. Without contacts and supports P is P_0.
 //
 // Rigid bodies have another preconditioner, in shared/rigid_inverse.glsl. An including shader includes
-// shared/symmetric.glsl and shared/coarse_vector.glsl, and declares SMOOTHS (whether P differs from P_0), COARSE (whether any body has a coarse
-// space), `inverse` (D^-1 of each node: a vec4 with xx yy zz and a vec4 with xy xz yz) and `blocks_without_contacts` (E,
-// likewise).
+// shared/symmetric.glsl and shared/coarse_vector.glsl, and declares SMOOTHS (whether P differs from P_0), COARSE (whether
+// any body has a coarse space), `inverse` (D^-1 of each node: a vec4 with xx yy zz and a vec4 with xy xz yz) and
+// `blocks_without_contacts` (E, likewise).
 
 // D^-1 r.
 vec3 precondition_node(uint node, vec3 r) {

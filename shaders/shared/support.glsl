@@ -1,8 +1,8 @@
-// Supports: conditions on the motion of nodes, which may be left a plane, a line, or nothing. What is left to a node
-// is a vec4 (`left` of Supported in shared/types.glsl): the unit normal of the plane, or the unit direction of the line, in
-// world axes; and, in w, one of the values below. The change of velocity x of a supported node is S x, with the projection S onto what is left to
-// it, so that the system of equations becomes S A S x = S b; what S takes from A x - b is the impulse that holds the node.
-// A node that follows a core of prescribed motion (a rigid body inside a soft one) is left nothing, if the force that
+// Supports: conditions on the motion of nodes, which may be left a plane, a line, or nothing. What is left to a node is
+// a vec4 (`left` of Supported in shared/types.glsl): the unit normal of the plane, or the unit direction of the line, in
+// world axes; and, in w, one of the values below. The change of velocity x of a supported node is S x, with the
+// projection S onto what is left to it, so that the system of equations becomes S A S x = S b; what S takes from
+// A x - b is the impulse that holds the node. A node that follows a core of prescribed motion (a rigid body inside a soft one) is left nothing, if the force that
 // holds it is to be reported. The f64 reference is oracle::step.
 
 const uint SUPPORT_NONE = 0;        // the node is free, or no force that holds it is reported

@@ -18,10 +18,11 @@
 // delta, rate delta', normal n, friction c and tangential velocity v_t. A frame is a rigid coordinate frame.
 //
 // The kernel writes:
-// - the right-hand side b of each node: h m g - h alpha m v, plus h times the loads on it, plus the sum over its elements of what
-//   elastic/element_forces and elastic/mean_dilatation write, minus the sum over its contacts of w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried
-//   residual b - A x of the last solve. Were this residual not carried over, its impulse would be lost in every step,
-//   always in the same smooth motions: iterations after a warm start reduce the residual of smooth motions last.
+// - the right-hand side b of each node: h m g - h alpha m v, plus h times the loads on it, plus the sum over its
+//   elements of what elastic/element_forces and elastic/mean_dilatation write, minus the sum over its contacts of
+//   w ((h a k delta + (h^2 k + h d) a delta') n + h c v_t), plus the carried residual b - A x of the last solve. Were
+//   this residual not carried over, its impulse would be lost in every step, always in the same smooth motions:
+//   iterations after a warm start reduce the residual of smooth motions last.
 // - for each free node, the inverse of its 3x3 diagonal block D of A, and, where there are a coarse space and contacts,
 //   the block E, which is D without the contacts' part; for each attached node, its diagonal block itself, from which
 //   solve/cores computes the diagonal block of the core.
