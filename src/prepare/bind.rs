@@ -23,8 +23,8 @@ pub fn named(layer: &Layer, skin: (&[DVec3], &[[u32; 3]]), bind: &Bind) -> Resul
             let depths = depths(layer, skin).map_err(|problem| (problem, "give a closed surface"))?;
             depths.iter().map(|depth| depth >= least).collect()
         }
-        // `cores::selected` has put the numbers of the nodes in its place.
-        Bind::Group(_) => vec![false; layer.nodes.len()],
+        // `cores::selected` looks groups up in the layer's file.
+        Bind::Group(_) => return Err(("no group is known here".into(), "give the nodes in another way")),
         Bind::Capsule(capsule) => layer.nodes.iter().map(|&n| capsule_depth(n, capsule) <= 1.0).collect(),
         Bind::Nodes(list) => {
             let mut named = vec![false; layer.nodes.len()];
@@ -83,7 +83,8 @@ pub fn nearer_bones(layer: &Layer, cores: &[Core], index: usize, named: &mut [bo
     }
 }
 
-/// Finds nodes that nothing holds: the nodes of each connected part of the layer of which no node is `held`. Returns the number of such nodes and the lowest index among them; `None` if there are none.
+/// Finds nodes that nothing holds: the nodes of each connected part of the layer of which no node is `held`. Returns the
+/// number of such nodes and the lowest index among them; `None` if there are none.
 pub fn unattached(layer: &Layer, held: &[bool]) -> Option<(usize, u32)> {
     let (labels, count) = layer::parts(layer);
     let mut is_held = vec![false; count];

@@ -35,7 +35,8 @@ pub struct Numbered<'a> {
 /// [`bind::nearer_bones`] decides. A free node follows the core whose attached nodes are nearest along the edges of the
 /// layer, so that a hand near a thigh follows the arm's core and not the leg's. Nodes that supports hold count like
 /// attached ones of a further core, which rests; what supports leave to each node is the second result. In a body
-/// without cores all indices are 0. `skin` and `layer` are in file coordinates. `error` makes an error of a key (`core.NAME.bind` or `layer`), a problem and a remedy.
+/// without cores all indices are 0. `skin` and `layer` are in file coordinates. `error` makes an error of a key
+/// (`core.NAME.bind` or `layer`), a problem and a remedy.
 ///
 /// It is an error if a core has no attached node, or if cores and supports hold no node of a connected part of the
 /// layer.
@@ -81,7 +82,8 @@ pub fn bind(
     if let Some((count, node)) = bind::unattached(layer, &is_held) {
         let (p, node) = (layer.nodes[node as usize], mesh.numbers[node as usize]);
         let problem = format!(
-            "a connected part of the layer has no node attached to a core or held by a support: {count} nodes, among them node {node} at \
+            "a connected part of the layer has no node attached to a core or held by a support: {count} nodes, among \
+             them node {node} at \
              [{:.4}, {:.4}, {:.4}]",
             p.x, p.y, p.z
         );

@@ -30,8 +30,9 @@ pub enum Part {
     Core(usize),
 }
 
-/// The loads of a body and what they act on. `soft`: the layer and its embedding of a soft body, in file coordinates, with
-/// how its file numbers the nodes; `prescribed`: whether each node is attached to a fixed or driven core; `skin` is in file coordinates. `error` makes an error of a key, a problem and a remedy.
+/// The loads of a body and what they act on. `soft`: the layer and its embedding of a soft body, in file coordinates,
+/// with how its file numbers the nodes; `prescribed`: whether each node is attached to a fixed or driven core; `skin` is
+/// in file coordinates. `error` makes an error of a key, a problem and a remedy.
 ///
 /// It is an error if a load acts on nothing, or on nothing that forces move and without a reaction that shows it.
 pub fn loads(

@@ -244,8 +244,8 @@ mod tests {
 
     #[test]
     fn a_force_is_split_along_the_directions_of_each_support() {
-        // Orthogonal planes: components. Oblique planes: (1, 2, 0) = -1/2 (1, 0, 0)... by hand: a (1, 0, 0) + b (3, 4, 0) / 5
-        // with b = 5/2 and a = 1 - 3/2.
+        // Orthogonal planes: components. Oblique planes: (1, 2, 0) = a (1, 0, 0) + b (3, 4, 0) / 5 with b = 5/2 and
+        // a = 1 - 3/2.
         expect(
             &[plane([1.0, 0.0, 0.0]), plane([0.0, 1.0, 0.0])],
             [3.0, -2.0, 0.0],
