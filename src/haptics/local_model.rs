@@ -556,7 +556,8 @@ mod tests {
         }
     }
 
-    /// The same while the tool slides, or sticks and slides, and is withdrawn.
+    /// A model made of what is felt gives the same force as the model before it, also while the tool slides, sticks or is
+    /// withdrawn.
     #[test]
     fn a_model_of_what_is_felt_goes_on_while_the_tool_slides() {
         let mut wrench = ContactWrench { most_friction: 0.6, ..pressed(2.0) };

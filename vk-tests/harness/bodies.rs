@@ -99,12 +99,8 @@ pub fn octants(skin: &Skin) -> Vec<Proxy> {
     proxies
 }
 
-/// A rigid body with this mesh as its skin; the function `cut` makes the collision proxies of the skin.
-pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec3, orientation: DQuat) -> Body {
-    let skin = skin::build(mesh.0, mesh.1);
-    let proxies = cut(&skin);
-    let (volume, centroid, inertia, motion) = (1.0, DVec3::ZERO, DMat3::IDENTITY, FrameMotion::Fixed);
-    let shape = Shape::Rigid { skin, proxies, volume, centroid, inertia, motion };
+/// A body at rest on which nothing acts.
+fn placed(name: &str, shape: Shape, position: DVec3, orientation: DQuat) -> Body {
     Body {
         name: name.into(),
         shape,
@@ -114,6 +110,15 @@ pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVe
         loads: vec![],
         report: Default::default(),
     }
+}
+
+/// A rigid body with this mesh as its skin; the function `cut` makes the collision proxies of the skin.
+pub fn rigid(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec3, orientation: DQuat) -> Body {
+    let skin = skin::build(mesh.0, mesh.1);
+    let proxies = cut(&skin);
+    let (volume, centroid, inertia, motion) = (1.0, DVec3::ZERO, DMat3::IDENTITY, FrameMotion::Fixed);
+    let shape = Shape::Rigid { skin, proxies, volume, centroid, inertia, motion };
+    placed(name, shape, position, orientation)
 }
 
 /// The collision proxies that the engine itself makes for a skin: one hull, or as many as the skin's shape needs.
@@ -135,28 +140,12 @@ pub fn soft(name: &str, mesh: Mesh, cut: fn(&Skin) -> Vec<Proxy>, position: DVec
     let supports = Default::default();
     let shape =
         Shape::Soft { layer, frames, node_frames, supports, joints: vec![], materials, embedding, skin, proxies };
-    Body {
-        name: name.into(),
-        shape,
-        position,
-        orientation,
-        velocity: DVec3::ZERO,
-        loads: vec![],
-        report: Default::default(),
-    }
+    placed(name, shape, position, orientation)
 }
 
 /// The fixed half-space of all points x with `normal` . x < `offset` (m).
 pub fn half_space(normal: DVec3, offset: f64) -> Body {
     let (position, orientation) = (DVec3::ZERO, DQuat::IDENTITY);
     let shape = Shape::Plane { normal, offset };
-    Body {
-        name: "floor".into(),
-        shape,
-        position,
-        orientation,
-        velocity: DVec3::ZERO,
-        loads: vec![],
-        report: Default::default(),
-    }
+    placed("floor", shape, position, orientation)
 }

@@ -24,7 +24,7 @@ const LAMBDA: f64 = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON));
 const SIZE: DVec3 = DVec3::new(0.04, 0.05, 0.03);
 
 /// First Piola-Kirchhoff stress of both laws by their formulas, for a deformation gradient without rotation about x and y.
-fn piola(law: &str, f: DMat3) -> DMat3 {
+pub fn piola(law: &str, f: DMat3) -> DMat3 {
     if law == "corotational" {
         // The rotation of the polar decomposition turns about z.
         let r = DMat3::from_rotation_z((f.x_axis.y - f.y_axis.x).atan2(f.x_axis.x + f.y_axis.y));

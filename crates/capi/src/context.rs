@@ -124,12 +124,8 @@ pub unsafe extern "C" fn palpate_devices(
         // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let count = unsafe { sized::answer(count, "count")? };
         let all: Vec<palpate_device> = Context::list()?.iter().map(device_of).collect();
-        *count = all.len();
-        if capacity == 0 {
-            return Ok(());
-        }
         // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-        unsafe { sized::copy(&all, devices, capacity, "devices") }
+        unsafe { sized::list(&all, devices, capacity, count, "devices") }
     })
 }
 

@@ -281,13 +281,9 @@ pub unsafe extern "C" fn palpate_loop_ended(
 unsafe fn tell(line: &str, text: *mut c_char, capacity: usize, count: *mut usize) -> Outcome {
     // SAFETY: the caller keeps the conditions under `# Safety`.
     let count = unsafe { sized::answer(count, "count")? };
-    *count = line.len() + 1;
-    if capacity == 0 {
-        return Ok(());
-    }
     let bytes: Vec<c_char> = line.bytes().chain([0]).map(|byte| byte as c_char).collect();
     // SAFETY: the caller keeps the conditions under `# Safety`.
-    unsafe { sized::copy(&bytes, text, capacity, "text") }
+    unsafe { sized::list(&bytes, text, capacity, count, "text") }
 }
 
 /// Ends a loop. When the call returns, the device plays no force and is closed, and the simulation can be used again.

@@ -144,9 +144,8 @@ pub unsafe extern "C" fn palpate_skin_triangles(
                 return Err(no_body(body, bodies));
             }
             let all = simulation.skin_triangles(body as usize);
-            *count = all.len();
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            if capacity == 0 { Ok(()) } else { unsafe { sized::copy(all, triangles, capacity, "triangles") } }
+            unsafe { sized::list(all, triangles, capacity, count, "triangles") }
         })
     })
 }
@@ -254,9 +253,8 @@ pub unsafe extern "C" fn palpate_contacts(
         let count = unsafe { sized::answer(count, "count")? };
         with(simulation, |simulation| {
             let all: Vec<palpate_contact> = simulation.contacts()?.iter().map(contact_of).collect();
-            *count = all.len();
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            if capacity == 0 { Ok(()) } else { unsafe { sized::copy(&all, contacts, capacity, "contacts") } }
+            unsafe { sized::list(&all, contacts, capacity, count, "contacts") }
         })
     })
 }

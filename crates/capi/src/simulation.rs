@@ -301,13 +301,9 @@ pub unsafe extern "C" fn palpate_nodes(
                 return Err(Failure::new(palpate_status::Argument, problem));
             }
             let all = object.simulation.node_positions(body as usize)?;
-            *count = all.len();
-            if capacity == 0 {
-                return Ok(());
-            }
             let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            unsafe { sized::copy(&all, positions, capacity, "positions") }
+            unsafe { sized::list(&all, positions, capacity, count, "positions") }
         })
     })
 }
@@ -346,9 +342,8 @@ pub unsafe extern "C" fn palpate_reactions(
                 torque: wrench.torque.to_array(),
             };
             let all: Vec<_> = simulation.reaction_names().zip(simulation.reactions()).map(reaction).collect();
-            *count = all.len();
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            if capacity == 0 { Ok(()) } else { unsafe { sized::copy(&all, reactions, capacity, "reactions") } }
+            unsafe { sized::list(&all, reactions, capacity, count, "reactions") }
         })
     })
 }

@@ -267,6 +267,18 @@ pub(super) unsafe fn copy<T: Copy>(from: &[T], to: *mut T, capacity: usize, name
     Ok(())
 }
 
+/// Answers a call that lists things: writes their number to `count`, and copies them into the caller's array `to`, which
+/// has room for `capacity` of them. A caller who only asks for the number passes a capacity of 0. Errors: as those of
+/// [`copy`].
+///
+/// # Safety
+/// `to` is null, or leads to room for `capacity` elements.
+pub(super) unsafe fn list<T: Copy>(from: &[T], to: *mut T, capacity: usize, count: &mut usize, name: &str) -> Outcome {
+    *count = from.len();
+    // SAFETY: the caller keeps the conditions under `# Safety`.
+    if capacity == 0 { Ok(()) } else { unsafe { copy(from, to, capacity, name) } }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::change::{palpate_contact_law, palpate_coupling, palpate_material};

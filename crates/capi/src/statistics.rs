@@ -62,9 +62,8 @@ pub unsafe extern "C" fn palpate_stages(
                 Some(times) => times.iter().map(|(name, us)| stage(name, *us, passes_of(name))).collect(),
                 None => passes.iter().map(|(name, passes)| stage(name, 0.0, *passes)).collect(),
             };
-            *count = all.len();
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            if capacity == 0 { Ok(()) } else { unsafe { sized::copy(&all, stages, capacity, "stages") } }
+            unsafe { sized::list(&all, stages, capacity, count, "stages") }
         })
     })
 }

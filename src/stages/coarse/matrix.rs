@@ -149,7 +149,8 @@ enum Basis {
     /// modes of its block; (x, y, z) is the node's place relative to the mean of the block's nodes, divided by the
     /// block's size.
     Affine([f64; 4]),
-    /// The same weights for a free node that supports hold, and the projection onto what they leave to it.
+    /// The weights 1, x, y, z of a free node that supports hold, as in `Affine`, and the projection onto the directions
+    /// in which the supports let the node move.
     Supported([f64; 4], DMat3),
     /// The matrix that maps w to the cross product w x r in the velocity v + w x r of a node attached to a core, where
     /// v and w are the core's linear and angular velocity and r is the node's place relative to the frame's centre.
