@@ -102,6 +102,7 @@ for cells in 26 55; do
 done
 part kernels 100 ./vk-tests gpu:: stage:: solver::
 part proximity 60 ./palpate bench --quick proximity/area "${device[@]}" --out "$out/proximity"
+part validate 60 ./palpate validate --quick --only patch,energy,cook,sofa-cantilever,le10 "${device[@]}" --out "$out/validate"
 part stability 60 ./palpate stability --quick --only preset,contact-stiffness "${device[@]}" --out "$out/stability"
 echo '</table>' >>"$page"
 echo "$page"

@@ -1,4 +1,5 @@
-//! The benchmarks of `palpate bench`, the stability matrix of `palpate stability`, and the reports made from them. Each
+//! The benchmarks of `palpate bench`, the stability matrix of `palpate stability`, the cases of `palpate validate`, and the
+//! reports made from them. Each
 //! benchmark has a module of its own; they share the code that measures and merges their parts (`suite`), collects
 //! samples, and writes reports by the crate palpate-page.
 
@@ -16,6 +17,7 @@ pub mod selftest;
 pub mod solver;
 pub mod stability;
 pub mod suite;
+pub mod validation;
 
 pub use palpate_page::{Chapter, Document, Section, Table, document};
 pub(crate) use palpate_page::{page, plot};

@@ -23,6 +23,7 @@ mod run;
 mod selftest;
 mod signals;
 mod stability;
+mod validate;
 #[cfg(feature = "view")]
 mod view;
 
@@ -65,6 +66,8 @@ enum Command {
     Selftest(selftest::Arguments),
     /// Run stiff and extreme cases, and check that each keeps the invariants of a simulation
     Stability(stability::Arguments),
+    /// Compute values that others published, and check that they are reproduced
+    Validate(validate::Arguments),
     /// Render a scene as a film or as a folder of images, without a display
     #[cfg(feature = "view")]
     Film(film::Arguments),
@@ -115,6 +118,7 @@ fn run_command(command: Command) -> Result<()> {
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Selftest(arguments) => selftest::selftest(&arguments),
         Command::Stability(arguments) => stability::stability(&arguments),
+        Command::Validate(arguments) => validate::validate(&arguments),
         #[cfg(feature = "view")]
         Command::Film(arguments) => film::film(&arguments),
         #[cfg(feature = "view")]

@@ -11,7 +11,7 @@ mod precision;
 mod presets;
 mod press;
 pub mod race;
-mod space;
+pub(crate) mod space;
 mod steps;
 mod tolerance;
 mod twin;

@@ -4,14 +4,14 @@
 //! all these curves a stiffly coupled ball is pressed into a body ([`press`]), and the contact force is compared with a
 //! reference once everything is at rest.
 
-mod layer;
+pub(crate) mod layer;
 mod limit;
-mod press;
+pub(crate) mod press;
 mod proxies;
 mod sampled;
 mod shapes;
 mod skin;
-mod stiffness;
+pub(crate) mod stiffness;
 mod texel;
 
 pub use layer::by_layer;

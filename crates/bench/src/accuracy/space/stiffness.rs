@@ -60,7 +60,7 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
         watch(&format!("reference: {stiffness:.0e} N/m^3"));
         *last = (1.0 / stiffness, force(&press(cells, stiffness)?.scene(), settings)?);
     }
-    let (limit_force, law) = (limit(last, ORDER), hertz(RADIUS));
+    let (limit_force, law) = (limit(last, ORDER), hertz(RADIUS, DEPTH, POISSON));
     // The factor by which a mesh of `cells` cells is too stiff: its force with the stiffest contact over the limit of
     // that force for vanishing cells.
     let stiffest = LAST[1];
@@ -124,19 +124,18 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
     })
 }
 
-/// Force of a rigid ball pressed [`DEPTH`] into a layer of thickness [`HEIGHT`] bonded to a rigid base, N: Hertz's law
-/// times a series in x, which is the square root of radius times depth, divided by the thickness (Dimitriadis, Horkay,
+/// Force of a rigid ball pressed `depth` into a layer of thickness [`HEIGHT`] and Young's modulus [`YOUNG`] bonded to a
+/// rigid base, N; lengths in m. It is Hertz's law times a series in x, which is the square root of radius times depth, divided by the thickness (Dimitriadis, Horkay,
 /// Maresca, Kachar and Chadwick 2002, equation 13).
-fn hertz(radius: f64) -> f64 {
-    let nu = POISSON;
+pub fn hertz(radius: f64, depth: f64, nu: f64) -> f64 {
     let a = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1.0 - nu);
     let b = (0.6387 - 1.0277 * nu + 1.5164 * nu * nu) / (1.0 - nu);
-    let x = (radius * DEPTH).sqrt() / HEIGHT;
+    let x = (radius * depth).sqrt() / HEIGHT;
     let pi = std::f64::consts::PI;
     let series = 1.0 - 2.0 * a / pi * x + 4.0 * a * a / (pi * pi) * x * x
         - 8.0 / pi.powi(3) * (a.powi(3) + 4.0 * pi * pi / 15.0 * b) * x.powi(3)
         + 16.0 * a / pi.powi(4) * (a.powi(3) + 3.0 * pi * pi / 5.0 * b) * x.powi(4);
-    4.0 / 3.0 * YOUNG / (1.0 - nu * nu) * radius.sqrt() * DEPTH.powf(1.5) * series
+    4.0 / 3.0 * YOUNG / (1.0 - nu * nu) * radius.sqrt() * depth.powf(1.5) * series
 }
 
 #[cfg(test)]
@@ -146,7 +145,7 @@ mod tests {
     #[test]
     fn the_law_of_a_layer_is_hertzs_with_a_little_more() {
         let plain = 4.0 / 3.0 * YOUNG / (1.0 - POISSON * POISSON) * 0.06f64.sqrt() * DEPTH.powf(1.5);
-        let ratio = hertz(0.06) / plain;
+        let ratio = hertz(0.06, DEPTH, POISSON) / plain;
         assert!(
             (0.9..1.5).contains(&(ratio / 1.1)) && ratio > 1.1,
             "force divided by that of Hertz's law for a body of infinite depth: {ratio}, expected 1.1 to 1.65"

@@ -1,0 +1,73 @@
+//! `palpate validate`: computes values that others published, prints the report, and writes it.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::builder::NonEmptyStringValueParser;
+use palpate::{Error, Result};
+use palpate_bench::validation::{self, Settings, cases};
+
+use crate::report::Output;
+use crate::{print, watch};
+
+const RESULTS: &str = "results.json";
+const REPORT: &str = "report.html";
+
+/// Options of `palpate validate`.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Exit status: 4 if a published value is not reproduced within the bound that the report explains, \
+    or a case cannot be run to its end; else 0"
+)]
+pub struct Arguments {
+    /// Use fewer and coarser meshes
+    #[arg(long)]
+    quick: bool,
+    /// List the cases with their sources, and compute nothing
+    #[arg(long)]
+    list: bool,
+    /// Run only these cases, separated by commas, by their names in the list
+    #[arg(long, value_name = "CASE", value_delimiter = ',', value_parser = case_name)]
+    only: Vec<String>,
+    /// Vulkan device: its name, or its index in the list of `palpate devices`
+    #[arg(long, value_name = "NAME-OR-INDEX", value_parser = NonEmptyStringValueParser::new())]
+    device: Option<String>,
+    /// Directory to write report.html and results.json into; without it nothing is written
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Runs the cases, writes the report into a directory, if one is given, and prints it. Errors: a published value is not
+/// reproduced, or a case fails.
+pub fn validate(arguments: &Arguments) -> Result<()> {
+    let settings = Settings {
+        is_quick: arguments.quick,
+        only: arguments.only.clone(),
+        device: arguments.device.clone(),
+        replaced: Vec::new(),
+    };
+    if arguments.list {
+        let is_asked = |name: &str| settings.only.is_empty() || settings.only.iter().any(|only| only == name);
+        let asked = cases::ALL.iter().filter(|case| is_asked(case.name));
+        return print(
+            &asked.map(|case| format!("{}: {}. {}\n", case.name, case.title, case.source)).collect::<String>(),
+        );
+    }
+    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let results = validation::run(&settings, &mut watch)?;
+    let document = validation::document(&results)?;
+    if let Some(output) = &mut output {
+        output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
+        output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;
+    }
+    output.map_or(Ok(()), Output::commit)?;
+    print(&document.markdown())?;
+    let faults = results.faults();
+    if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(format!("not reproduced: {}", faults.join("; ")))) }
+}
+
+fn case_name(text: &str) -> std::result::Result<String, String> {
+    let names: Vec<&str> = cases::ALL.iter().map(|case| case.name).collect();
+    let problem = || format!("not a case; give some of: {}", names.join(", "));
+    names.contains(&text).then(|| text.into()).ok_or_else(problem)
+}
