@@ -71,7 +71,7 @@ fn scene(lab: &Lab, cells: u32) -> Result<String> {
     let file = lab.folder.layer(&format!("elastica{cells}"), &layer.nodes, &layer.tetrahedra)?;
     // The load per length is density times area times gravity.
     let gravity = LOAD * YOUNG * HEIGHT * HEIGHT / (12.0 * DENSITY * LENGTH.powi(3));
-    Ok(head(0.3, [0.0, -gravity, 0.0], 1e-6)
+    Ok(head(0.3, [0.0, -gravity, 0.0], 1e-4)
         + &format!(
             "[[body]]\nname = \"bar\"\nlayer = {file:?}\n\
              material = {{ young = {YOUNG:?}, poisson = 0.0, density = {DENSITY:?}, damping_mass = 15.0 }}\n"
