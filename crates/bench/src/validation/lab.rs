@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use palpate::internal::prepare::{Layer, Shape};
-use palpate::scene::Material;
 use palpate::{Context, Error, Flags, Options, Result, Scene, SceneBuilder, Simulation, StepReport};
 use palpate_oracle::elastic::Elements;
 
@@ -60,7 +59,8 @@ impl<'a> Lab<'a> {
         (self.watch)(&format!("{}: {label}", scene.name()));
         let simulation = Simulation::on_device(&self.context, scene)?;
         let mut run = Run { simulation, label: label.into(), flags: Flags::default(), steps: 0, masses: Vec::new() };
-        let material = scene.bodies[0].material.unwrap_or(Material::new(1.0, 0.0, 1.0));
+        let missing = || Error::Simulation(format!("{label}: the first body has no material"));
+        let material = scene.bodies[0].material.ok_or_else(missing)?;
         run.masses = Elements::new(run.layer(), material, DMat3::IDENTITY).masses;
         Ok(run)
     }
@@ -122,11 +122,11 @@ impl Run {
     }
 
     /// Steps until the first body rests: until its displacements, whose changes from look to look shrink by a factor,
-    /// would change by no more than [`AT_REST`] in all steps to come. The first `least` steps are done in any case.
-    /// Errors: after `most` steps it still moves.
+    /// would change by no more than [`AT_REST`] in all steps to come, at two looks in a row. The first `least` steps
+    /// are done in any case. Errors: after `most` steps it still moves, or a displacement is not finite.
     pub fn rest(&mut self, least: usize, most: usize) -> Result<()> {
         let mut before = self.displacements()?;
-        let mut last_change = f64::INFINITY;
+        let (mut last_change, mut was_at_rest) = (f64::INFINITY, false);
         while self.steps < most {
             for _ in 0..STRIDE {
                 self.step()?;
@@ -136,10 +136,14 @@ impl Run {
             let change = before.iter().zip(&now).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
             let shrinks = change / last_change;
             let to_come = if shrinks < 1.0 { change * shrinks / (1.0 - shrinks) } else { f64::INFINITY };
-            if self.steps >= least && (change <= ROUNDING * largest || to_come <= AT_REST * largest) {
+            if now.iter().any(|d| !d.is_finite()) {
+                return Err(Error::Simulation(format!("{}: a displacement is not finite", self.label)));
+            }
+            let is_at_rest = change <= ROUNDING * largest || to_come <= AT_REST * largest;
+            if self.steps >= least && is_at_rest && was_at_rest {
                 return Ok(());
             }
-            (before, last_change) = (now, change);
+            (before, last_change, was_at_rest) = (now, change, is_at_rest);
         }
         Err(Error::Simulation(format!("{}: the body still moves after {most} steps", self.label)))
     }

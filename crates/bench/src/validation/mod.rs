@@ -37,6 +37,14 @@ pub struct Settings {
     pub replaced: Vec<(String, Vec<u8>)>,
 }
 
+impl Settings {
+    /// The cases to run.
+    pub fn cases(&self) -> impl Iterator<Item = &'static Case> {
+        let is_asked = |case: &&Case| self.only.is_empty() || self.only.iter().any(|name| name == case.name);
+        cases::ALL.iter().filter(is_asked)
+    }
+}
+
 /// A quantity with its verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct Judged {
@@ -49,8 +57,9 @@ pub struct Judged {
 /// A case that was run.
 #[derive(Debug, Clone, Serialize)]
 pub struct CaseResult {
-    /// The case's name.
-    pub name: &'static str,
+    /// The case, by its name.
+    #[serde(rename = "name", serialize_with = "name")]
+    pub case: &'static Case,
     /// Its quantities.
     pub quantities: Vec<Judged>,
     /// Why the case could not be run to its end; `None`: it was.
@@ -59,11 +68,8 @@ pub struct CaseResult {
     pub seconds: f64,
 }
 
-impl CaseResult {
-    /// The case.
-    pub fn case(&self) -> &'static Case {
-        cases::ALL.iter().find(|case| case.name == self.name).unwrap_or(&cases::ALL[0])
-    }
+fn name<S: serde::Serializer>(case: &&'static Case, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serializer.serialize_str(case.name)
 }
 
 /// Results of a run.
@@ -96,19 +102,19 @@ impl Results {
         let of_case = |case: &CaseResult| {
             let off = case.quantities.iter().filter(|judged| !judged.verdict.is_reproduced).map(|judged| {
                 let Judged { quantity, verdict } = judged;
-                let name = format!("{}, {}", case.name, quantity.name);
+                let name = format!("{}, {}", case.case.name, quantity.name);
                 match quantity.levels.iter().find(|level| !level.flags.is_empty()) {
                     Some(level) => format!("{name}: {} raised {}", level.label, level.flags.join(", ")),
                     None => format!(
-                        "{name}: {} where {} is published, off by {} with a bound of {}",
+                        "{name}: {} where {} is expected, off by {} with a bound of {}",
                         document::number(verdict.limit),
-                        document::number(quantity.published),
+                        document::number(verdict.expected),
                         document::share(verdict.error),
                         document::share(verdict.bound)
                     ),
                 }
             });
-            let failure = case.failure.iter().map(|failure| format!("{}: {failure}", case.name));
+            let failure = case.failure.iter().map(|failure| format!("{}: {failure}", case.case.name));
             off.chain(failure).collect::<Vec<_>>()
         };
         self.cases.iter().flat_map(of_case).collect()
@@ -122,8 +128,7 @@ pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> 
     let mut lab = Lab::new(settings, watch)?;
     let (device, driver) = (lab.context().device_name().to_string(), lab.context().driver().to_string());
     let mut results = Vec::new();
-    let is_asked = |case: &&Case| settings.only.is_empty() || settings.only.iter().any(|name| name == case.name);
-    for case in cases::ALL.iter().filter(is_asked) {
+    for case in settings.cases() {
         let begun = Instant::now();
         let (quantities, failure) = match (case.measure)(&mut lab) {
             Ok(quantities) => (quantities, None),
@@ -132,7 +137,7 @@ pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> 
         };
         let judged = |quantity: Quantity| Judged { verdict: quantity.verdict(), quantity };
         let quantities = quantities.into_iter().map(judged).collect();
-        results.push(CaseResult { name: case.name, quantities, failure, seconds: begun.elapsed().as_secs_f64() });
+        results.push(CaseResult { case, quantities, failure, seconds: begun.elapsed().as_secs_f64() });
     }
     Ok(Results {
         schema: SCHEMA,

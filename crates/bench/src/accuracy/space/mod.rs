@@ -4,12 +4,12 @@
 //! all these curves a stiffly coupled ball is pressed into a body ([`press`]), and the contact force is compared with a
 //! reference once everything is at rest.
 
-pub(crate) mod layer;
-mod limit;
+mod layer;
+pub(crate) mod limit;
 pub(crate) mod press;
 mod proxies;
 mod sampled;
-mod shapes;
+pub(crate) mod shapes;
 mod skin;
 pub(crate) mod stiffness;
 mod texel;

@@ -4,7 +4,7 @@ use glam::DVec3;
 use palpate::Result;
 
 use super::super::lab::{Lab, Run};
-use super::super::series::{Convergence, Of, Quantity};
+use super::super::series::{Convergence, Function, Model, Quantity};
 use super::{Case, face, head, support};
 
 const YOUNG: f64 = 2e4;
@@ -41,10 +41,10 @@ pub const IMPACT: Case = Case {
     title: "Bar that hits a rigid floor",
     source: "S. P. Timoshenko and J. N. Goodier, \"Theory of elasticity\" (1951), longitudinal impact of bars (after \
              Saint-Venant 1883): the force is A v sqrt(E rho) for the time 2 l sqrt(rho / E)",
-    problem: "The bar, without weight, falls on its end at 0.1 m/s, a fiftieth of its speed of sound. The force is \
-              the mean over the middle half of the time in contact by the formula; the bar touches the floor at the \
-              start, and the time in contact ends where 2 % of the force is left. Steps and contact's penalty are \
-              refined with the cells.",
+    problem: "The bar, without weight, falls on its end at 0.1 m/s, 1/45 of its speed of sound. The force is \
+              that which changes the bar's momentum, its mean over the middle half of the time in contact by the \
+              formula; the bar touches the floor at the start, and the time in contact ends where 2 % of the force is \
+              left. Steps and contact's penalty are refined with the cells.",
     measure: impact,
 };
 
@@ -70,16 +70,8 @@ fn hanging(lab: &mut Lab) -> Result<Vec<Quantity>> {
         let low = run.displacement(DVec3::new(0.5 * WIDTH, 0.0, 0.5 * WIDTH))?;
         levels.push(run.level(1.0 / f64::from(cells), -low.y));
     }
-    Ok(vec![Quantity {
-        name: "elongation".into(),
-        unit: "m",
-        published: DENSITY * GRAVITY * LENGTH.powi(2) / (2.0 * YOUNG),
-        rounding: 0.0,
-        model: 0.0,
-        reason: String::new(),
-        convergence: Convergence::Order(2.0, Of::Value),
-        levels,
-    }])
+    let published = DENSITY * GRAVITY * LENGTH.powi(2) / (2.0 * YOUNG);
+    Ok(vec![Quantity::new("elongation", "m", published, Convergence::Order(2.0, Function::Value), levels)])
 }
 
 /// Planes of symmetry on two sides, which keep the bar from swinging.
@@ -109,17 +101,12 @@ fn impact(lab: &mut Lab) -> Result<Vec<Quantity>> {
         forces.push(run.level(1.0 / f64::from(cells), mean));
         times.push(run.level(1.0 / f64::from(cells), end_of_contact(&samples, LEAST * force)));
     }
-    let quantity = |name: &str, unit, published, model, levels| Quantity {
-        name: name.into(),
-        unit,
-        published,
-        rounding: 0.0,
-        model,
-        reason: "the time ends a little before all force is gone".into(),
-        convergence: Convergence::Order(1.0, Of::Value),
-        levels,
-    };
-    Ok(vec![quantity("force", "N", force, 0.0, forces), quantity("time in contact", "s", time, 2e-3, times)])
+    let first = Convergence::Order(1.0, Function::Value);
+    let model = Model { uncertainty: 2e-3, reason: "the time ends where 2 % of the force is left", ..Model::default() };
+    Ok(vec![
+        Quantity::new("force", "N", force, first, forces),
+        Quantity { model, ..Quantity::new("time in contact", "s", time, first, times) },
+    ])
 }
 
 /// The time, s, at which the force falls below `least` for good; NaN if it never does.

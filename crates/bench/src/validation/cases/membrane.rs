@@ -6,7 +6,7 @@ use palpate::internal::prepare::Layer;
 use palpate::internal::prepare::layer::kuhn_box;
 
 use super::super::lab::Lab;
-use super::super::series::{Convergence, Of, Quantity};
+use super::super::series::{Convergence, Function, Model, Quantity};
 use super::{Case, face, head, support, traction};
 
 /// The published deflection is for a Young's modulus, a load and a thickness of 1, so that it is in units of load over
@@ -48,16 +48,14 @@ fn measure(lab: &mut Lab) -> Result<Vec<Quantity>> {
         let end = run.displacement(MILLIMETRE * DVec3::new(48.0, 52.0, 0.0))?;
         levels.push(run.level(1.0 / f64::from(cells), end.y / (QUOTIENT * MILLIMETRE)));
     }
-    Ok(vec![Quantity {
-        name: "deflection of the end".into(),
-        unit: "",
-        published: 23.96,
-        rounding: 0.01,
-        model: 1e-3,
-        reason: "three-dimensional at the clamped end".into(),
-        convergence: Convergence::Order(2.0, Of::Reciprocal),
-        levels,
-    }])
+    let model = Model {
+        uncertainty: 1e-3,
+        reason: "the clamped end is three-dimensional here, not in plane stress",
+        ..Model::default()
+    };
+    let convergence = Convergence::Order(2.0, Function::Reciprocal);
+    let quantity = Quantity::new("deflection of the end", "", 23.96, convergence, levels);
+    Ok(vec![Quantity { uncertainty: 0.01, model, ..quantity }])
 }
 
 /// Half of the membrane's thickness, on one side of the plane of symmetry. All tetrahedra have an edge across the

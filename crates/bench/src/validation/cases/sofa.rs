@@ -5,7 +5,7 @@ use palpate::Result;
 
 use super::super::lab::Lab;
 use super::super::meshes::{Split, grid};
-use super::super::series::{Convergence, Quantity};
+use super::super::series::{Convergence, Model, Quantity};
 use super::{Case, face, head, support};
 
 /// Single precision, and a solver that stops at 1e-7, where the discretisation is the same.
@@ -19,7 +19,7 @@ const ROTATIONS: f64 = 1.3e-6;
 const MASSES: f64 = 4.7e-4;
 
 /// The corotational beam at rest.
-pub const AT_REST: Case = Case {
+pub const CANTILEVER: Case = Case {
     name: "sofa-cantilever",
     title: "Corotational cantilever of SOFA",
     source: "SOFA's regression tests (github.com/sofa-framework/Regression, commit a4ea0484, scene \
@@ -29,7 +29,7 @@ pub const AT_REST: Case = Case {
               kg/m^3) is clamped at one end and rests under its weight. The mesh is the same, and so is the weight \
               of each node, which is that of hexahedral cells there. Displacements are those of the middle of the \
               end.",
-    measure: at_rest,
+    measure: cantilever,
 };
 
 /// The neo-Hookean beam that swings.
@@ -45,7 +45,7 @@ pub const SWINGING: Case = Case {
     measure: swinging,
 };
 
-fn at_rest(lab: &mut Lab) -> Result<Vec<Quantity>> {
+fn cantilever(lab: &mut Lab) -> Result<Vec<Quantity>> {
     const DENSITY: f64 = 1100.0;
     let (half, length, cells) = (0.01, 0.2, [4, 4, 29]);
     let (low, high) = (DVec3::new(-half, -half, 0.0), DVec3::new(half, half, length));
@@ -72,18 +72,16 @@ fn at_rest(lab: &mut Lab) -> Result<Vec<Quantity>> {
     let mut run = lab.open("sofa-cantilever", "the same mesh", &text)?;
     run.rest(30, 1000)?;
     let end = run.displacement(DVec3::new(0.0, 0.0, length))?;
-    let quantity = |name: &str, published: f64, rounding: f64, value: f64| Quantity {
-        name: name.into(),
-        unit: "m",
-        published,
-        rounding,
-        model: ROTATIONS / published,
-        reason: "SOFA takes a tetrahedron's rotation from three of its nodes, here it is that of the polar \
-                 decomposition; a separate f64 computation gives SOFA's values to their last digit with the one, and \
-                 an end 1.3e-6 m aside of them, along and across, with the other"
-            .into(),
-        convergence: Convergence::Exact(WITHIN),
-        levels: vec![run.level(1.0, value)],
+    let quantity = |name: &str, published: f64, uncertainty: f64, value: f64| Quantity {
+        uncertainty,
+        model: Model {
+            uncertainty: ROTATIONS / published,
+            reason: "SOFA takes a tetrahedron's rotation from three of its nodes, here it is that of the polar \
+                     decomposition; a separate f64 computation gives SOFA's values to their last digit with the one, \
+                     and an end 1.3e-6 m aside of them, along and across, with the other",
+            ..Model::default()
+        },
+        ..Quantity::new(name, "m", published, Convergence::SameMesh(WITHIN), vec![run.level(1.0, value)])
     };
     Ok(vec![
         quantity("deflection of the end", 0.0244496, LAST_DIGIT / 10.0, -end.y),
@@ -110,20 +108,18 @@ fn swinging(lab: &mut Lab) -> Result<Vec<Quantity>> {
             run.step()?;
         }
         let deflection = -run.displacement(DVec3::new(0.5, 0.5, length))?.y;
-        quantities.push(Quantity {
-            name: format!("deflection after {} s", 0.005 * step as f64),
-            unit: "m",
-            published: 0.5 - height,
-            rounding: LAST_DIGIT,
-            model: MASSES / (0.5 - height),
-            reason: "there, masses are those of hexahedral cells, with terms between nodes; a separate f64 \
+        let name = format!("deflection after {} s", 0.005 * step as f64);
+        let levels = vec![run.level(1.0, deflection)];
+        let quantity = Quantity::new(&name, "m", 0.5 - height, Convergence::SameMesh(WITHIN), levels);
+        let model = Model {
+            uncertainty: MASSES / quantity.published,
+            reason: "masses are those of hexahedral cells there, with terms between nodes; a separate f64 \
                      computation gives SOFA's values to their last digit with those, and heights up to 4.7e-4 m \
                      away, 1.8 % of the greatest deflection, with masses at nodes; and the neo-Hookean law is \
-                     another one, equal for small strain"
-                .into(),
-            convergence: Convergence::Exact(WITHIN),
-            levels: vec![run.level(1.0, deflection)],
-        });
+                     another one, equal for small strain",
+            ..Model::default()
+        };
+        quantities.push(Quantity { uncertainty: LAST_DIGIT, model, ..quantity });
     }
     Ok(quantities)
 }
