@@ -123,7 +123,8 @@ impl Error {
         (
             4,
             "the simulation or its Vulkan device failed, memory did not suffice, a run was interrupted, a replay differs, \
-             a comparison is worse than before, or a case of `stability` fails silently",
+             a comparison is worse than before, a case of `stability` fails silently, or a value of `validate` is not \
+             reproduced",
         ),
     ];
 

@@ -23,7 +23,7 @@ fn run(only: &[&str], replaced: Vec<(String, Vec<u8>)>) -> Results {
 fn some_cases_reproduce_their_values_and_the_report_shows_them() {
     let results = run(&["patch", "energy", "cook", "sofa-cantilever"], vec![]);
     assert_eq!(results.faults(), [""; 0]);
-    let names: Vec<&str> = results.cases.iter().map(|case| case.name).collect();
+    let names: Vec<&str> = results.cases.iter().map(|case| case.case.name).collect();
     assert_eq!(names, ["patch", "energy", "cook", "sofa-cantilever"]);
     let document = document(&results).unwrap();
     let html = document.html();

@@ -26,16 +26,16 @@ pub fn document(results: &Results) -> Result<Document> {
         sections.push(section(case)?);
     }
     let method = format!(
-        "Each quantity is computed on ever finer meshes, with shorter steps where time matters. Its limit is extrapolated \
-         from the last two (Richardson 1911) with the order of smooth solutions; where the mesh is too stiff, from what is \
-         proportional to stiffness, which is one over a deflection or the square of a frequency. The published value is \
-         reproduced if the limit differs from it by at most the bound, the sum of: the change of the limit since the \
-         level before, twice that where the observed order is less than half or more than twice that of theory, and at \
-         least a tenth of what was extrapolated; 1e-4 for single precision and the solver; the uncertainty of the \
-         published value, and that of its model, as each section says. Where a model is known to differ, its difference \
-         is added to the published value first. A bound above {} tells nothing and counts as not reproduced, and so does \
-         a flag. Solutions that the mesh represents exactly are held to the bound of single precision on every level, \
-         and those of another program to that on the same mesh.",
+        "Each quantity is computed on ever finer meshes, with shorter steps where time matters. Its limit is \
+         extrapolated from the last two (Richardson 1911) with the order of smooth solutions; where the mesh is too \
+         stiff, from what is proportional to stiffness, which is one over a deflection or the square of a frequency. \
+         The published value is reproduced if the limit differs from it by at most the bound, the sum of: the change \
+         of the limit since the level before, twice that where the observed order is less than half or more than \
+         twice that of theory, and at least a tenth of what was extrapolated; 1e-4 for single precision and the \
+         solver; the uncertainty of the published value, and that of its model, as each section says. Where a model \
+         is known to differ, its difference is added to the published value first. A bound above {} tells nothing \
+         and counts as not reproduced, and so does a flag. Solutions that the mesh represents exactly are held to \
+         the bound of single precision on every level, and those of another program to that on the same mesh.",
         share(GREATEST_BOUND)
     );
     let chapter = Chapter { title: "Validation".into(), preface: method, sections };
@@ -162,8 +162,9 @@ fn plot_of(case: &CaseResult) -> Result<Option<String>> {
 
 fn panel(Judged { quantity, verdict }: &Judged) -> Panel {
     let from = |name: &str, target: f64| {
+        // Names stand at the last points, which are those of the coarsest level: there is room for them.
         let point = |level: &Level| (level.size, ((level.value - target) / target).abs());
-        Line { name: name.into(), points: quantity.levels.iter().map(point).collect(), ..Line::default() }
+        Line { name: name.into(), points: quantity.levels.iter().rev().map(point).collect(), ..Line::default() }
     };
     let lines = vec![from("expected", verdict.expected), from("limit", verdict.limit)];
     Panel { title: quantity.name.clone(), lines }
