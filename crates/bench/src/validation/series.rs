@@ -14,8 +14,8 @@ use crate::accuracy::space::limit::limit;
 const LEAST_SHARE: f64 = 0.1;
 /// Relative error by which single precision and the solver's tolerance may move a limit.
 const PRECISION: f64 = 1e-4;
-/// Factor of the change of a limit, where the observed order is neither half nor twice that of theory: the levels are
-/// too coarse, or too irregular, for theory to hold.
+/// Factor of the change of a limit, where the observed order is less than half or more than twice that of theory: the
+/// levels are too coarse, or too irregular, for theory to hold.
 const IRREGULAR: f64 = 2.0;
 /// Greatest bound, as a share of the published value: with a larger one a fault of the engine could hide behind it.
 pub const GREATEST_BOUND: f64 = 0.05;

@@ -17,7 +17,7 @@ const CELLS: [u32; 3] = [12, 18, 27];
 const HALF_WIDTH: f64 = 0.1;
 /// Cells are finer by the factor 1 + this under the ball.
 const GRADES: DVec3 = DVec3::new(3.0, 1.0, 3.0);
-/// Triangle edges along a quarter of the ball's girth, and how much finer than even ones less one they are at its pole.
+/// Triangle edges along a quarter of the ball's girth; at its pole they are finer by the factor 1 + the second number.
 const BALL: (u32, f64) = (64, 8.0);
 const RADIUS: f64 = 0.4;
 const DEPTH: f64 = 0.0005;
@@ -109,8 +109,8 @@ pub const SLOPE: Case = Case {
     name: "slope",
     title: "Block sliding down a slope",
     source: "the law of C. A. de Coulomb (1785): the acceleration is g (sin a - mu cos a)",
-    problem: "The soft block of the case before lies on a slope of 30 degrees, with friction 0.4. The acceleration \
-              is the mean over 0.25 s, after it has slid for 0.3 s.",
+    problem: "The soft block of the case before, on a plane with friction 0.4, under gravity that is tilted by 30 \
+              degrees. The acceleration is the mean over 0.25 s, after it has slid for 0.3 s.",
     measure: slope,
 };
 
