@@ -11,13 +11,13 @@ use crate::plot::{self, Line, Logarithmic, Panel};
 /// The whole report. Errors: a plot cannot be drawn.
 pub fn document(results: &Results) -> Result<Document> {
     let preface = format!(
-        "palpate {} (commit {}), {} ({}), {} threads. {} cases took {:.0} s{}.",
+        "palpate {} (commit {}), {} ({}), {} threads. {} took {:.0} s{}.",
         results.version,
         results.commit,
         results.device,
         results.driver,
         results.threads,
-        results.cases.len(),
+        if results.cases.len() == 1 { "One case".into() } else { format!("{} cases", results.cases.len()) },
         results.seconds,
         if results.settings.is_quick { ", in the quick form" } else { "" },
     );
