@@ -1,7 +1,6 @@
-//! The benchmarks of `palpate bench`, the stability matrix of `palpate stability`, the cases of `palpate validate`, and the
-//! reports made from them. Each
-//! benchmark has a module of its own; they share the code that measures and merges their parts (`suite`), collects
-//! samples, and writes reports by the crate palpate-page.
+//! The benchmarks of `palpate bench`, the stability matrix of `palpate stability`, the cases of `palpate validate`, and
+//! the reports made from them. Each benchmark has a module of its own; they share the code that measures and merges
+//! their parts (`suite`), collects samples, and writes reports by the crate palpate-page.
 
 pub mod accuracy;
 pub mod compare;
@@ -9,6 +8,7 @@ pub mod features;
 pub mod fit;
 mod gauge;
 pub mod haptics;
+mod limit;
 pub mod meshes;
 pub mod paper;
 pub mod proximity;

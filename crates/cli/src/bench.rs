@@ -2,7 +2,6 @@
 //! benchmark consists of parts, which are measured one by one; a *shard* is a subset of the parts of all benchmarks.
 //! The command also joins the results of shards that were measured separately, and compares results with earlier ones.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::builder::NonEmptyStringValueParser;
@@ -17,11 +16,8 @@ use palpate_bench::solver::{self, Solver};
 use palpate_bench::suite::{self, Head, Shard};
 use palpate_bench::{Benchmark, Results};
 
-use crate::report::Output;
+use crate::report::{Output, measured};
 use crate::{print, watch};
-
-const RESULTS: &str = "results.json";
-const REPORT: &str = "report.html";
 
 /// Options of `palpate bench`.
 #[derive(clap::Args)]
@@ -93,7 +89,7 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     }
     // Earlier results are read first, so that a wrong path is an error before minutes are spent on measuring.
     let old = arguments.compare.as_deref().map(results_in).transpose()?;
-    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let output = arguments.out.as_deref().map(Output::create).transpose()?;
     let (results, mut failed) = if arguments.merge.is_empty() {
         let head = Head::new(arguments.device.as_deref(), arguments.quick)?;
         let is_asked = |name: &str, part: &str| asked.iter().any(|(n, p)| *n == name && p == part);
@@ -103,12 +99,7 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
         (suite::merge(shards.collect::<Result<_>>()?)?, Vec::new())
     };
     let document = suite::document(&benchmarks, &results, old.as_ref())?;
-    if let Some(output) = &mut output {
-        output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
-        output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;
-    }
-    output.map_or(Ok(()), Output::commit)?;
-    print(&document.markdown())?;
+    measured::publish(output, &results, &document)?;
     failed.extend(suite::faults(&benchmarks, &results)?);
     if let Some(old) = old {
         failed.extend(compared(&old, &results)?);
@@ -139,7 +130,7 @@ fn asked(names: &[String], benchmarks: &[Box<dyn Benchmark>]) -> Result<Vec<(&'s
 
 /// Reads results from a directory that `palpate bench --out` wrote, or from a results file.
 fn results_in(path: &Path) -> Result<Results> {
-    if path.is_dir() { suite::read(&path.join(RESULTS)) } else { suite::read(path) }
+    if path.is_dir() { suite::read(&path.join(measured::RESULTS)) } else { suite::read(path) }
 }
 
 /// Prints the ratio of the new to the old value of each measurement; returns a line that says how many measurements

@@ -1,20 +1,14 @@
 //! `palpate stability`: runs stiff and extreme cases, which vary one parameter at a time, checks that each case keeps
 //! certain invariants, prints the report, and writes it.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use clap::builder::NonEmptyStringValueParser;
 use palpate::{Error, Result};
 use palpate_bench::stability::{self, Settings, axes};
 
-use crate::report::Output;
-use crate::{print, watch};
-
-const RESULTS: &str = "results.json";
-const REPORT: &str = "report.html";
-/// Number of faults that the closing error names; the report lists all.
-const TOLD: usize = 3;
+use crate::report::{Output, measured};
+use crate::watch;
 
 /// Options of `palpate stability`.
 #[derive(clap::Args)]
@@ -52,25 +46,18 @@ pub fn stability(arguments: &Arguments) -> Result<()> {
         device: arguments.device.clone(),
         replaced: Vec::new(),
     };
-    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let output = arguments.out.as_deref().map(Output::create).transpose()?;
     let results = stability::run(&settings, &mut watch)?;
     let document = stability::document(&results);
-    if let Some(output) = &mut output {
-        output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
-        output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;
-    }
-    output.map_or(Ok(()), Output::commit)?;
-    print(&document.markdown())?;
+    measured::publish(output, &results, &document)?;
     let faults = results.faults();
     if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(in_short(&faults))) }
 }
 
 /// One line with the number of faults and the first few faults.
 fn in_short(faults: &[String]) -> String {
-    let first = faults[..faults.len().min(TOLD)].join("; ");
-    let more = if faults.len() > TOLD { "; the report lists the others" } else { "" };
     let cases = if faults.len() == 1 { "case fails" } else { "cases fail" };
-    format!("{} {cases} that must not: {first}{more}", faults.len())
+    format!("{} {cases} that must not: {}", faults.len(), measured::first_few(faults))
 }
 
 fn axis_name(text: &str) -> std::result::Result<String, String> {

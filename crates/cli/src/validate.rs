@@ -1,17 +1,13 @@
 //! `palpate validate`: computes values that others published, prints the report, and writes it.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use clap::builder::NonEmptyStringValueParser;
 use palpate::{Error, Result};
 use palpate_bench::validation::{self, Settings, cases};
 
-use crate::report::Output;
+use crate::report::{Output, measured};
 use crate::{print, watch};
-
-const RESULTS: &str = "results.json";
-const REPORT: &str = "report.html";
 
 /// Options of `palpate validate`.
 #[derive(clap::Args)]
@@ -54,17 +50,18 @@ pub fn validate(arguments: &Arguments) -> Result<()> {
                 .collect::<String>(),
         );
     }
-    let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let output = arguments.out.as_deref().map(Output::create).transpose()?;
     let results = validation::run(&settings, &mut watch)?;
     let document = validation::document(&results)?;
-    if let Some(output) = &mut output {
-        output.write(RESULTS, |w| serde_json::to_writer(w, &results).map_err(Into::into))?;
-        output.write(REPORT, |w| w.write_all(document.html().as_bytes()))?;
-    }
-    output.map_or(Ok(()), Output::commit)?;
-    print(&document.markdown())?;
+    measured::publish(output, &results, &document)?;
     let faults = results.faults();
-    if faults.is_empty() { Ok(()) } else { Err(Error::Simulation(format!("not reproduced: {}", faults.join("; ")))) }
+    match faults.len() {
+        0 => Ok(()),
+        count => {
+            let few = measured::first_few(&faults);
+            Err(Error::Simulation(format!("{count} not reproduced: {few}")))
+        }
+    }
 }
 
 fn case_name(text: &str) -> std::result::Result<String, String> {

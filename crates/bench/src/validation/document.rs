@@ -3,7 +3,7 @@
 
 use palpate::Result;
 
-use super::series::{Convergence, Function, GREATEST_BOUND, Level, Quantity, Verdict};
+use super::series::{Convergence, Function, GREATEST_BOUND, Level, PRECISION, Quantity, Verdict};
 use super::{CaseResult, Judged, Results};
 use crate::document::{Chapter, Document, Section, Table};
 use crate::plot::{self, Line, Logarithmic, Panel};
@@ -31,11 +31,12 @@ pub fn document(results: &Results) -> Result<Document> {
          stiff, from what is proportional to stiffness, which is one over a deflection or the square of a frequency. \
          The published value is reproduced if the limit differs from it by at most the bound, the sum of: the change \
          of the limit since the level before, twice that where the observed order is less than half or more than \
-         twice that of theory, and at least a tenth of what was extrapolated; 1e-4 for single precision and the \
-         solver; the uncertainty of the published value, and that of its model, as each section says. Where a model \
-         is known to differ, its difference is added to the published value first. A bound above {} tells nothing \
-         and counts as not reproduced, and so does a flag. Solutions that the mesh represents exactly are held to \
-         the bound of single precision on every level, and those of another program to that on the same mesh.",
+         twice that of theory, and at least a tenth of what was extrapolated; {PRECISION:e} for single precision and \
+         the solver; the uncertainty of the published value, and that of its model, as each section says. Where a \
+         model is known to differ, its difference is added to the published value first. A bound above {} tells \
+         nothing and counts as not reproduced, and so does a flag. Solutions that the mesh represents exactly are \
+         held to the bound of single precision on every level, and those of another program to that on the same \
+         mesh.",
         share(GREATEST_BOUND)
     );
     let chapter = Chapter { title: "Validation".into(), preface: method, sections };

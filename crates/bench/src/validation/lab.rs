@@ -1,6 +1,7 @@
 //! What the cases of `palpate validate` share: a device, a folder for meshes, and simulations that are stepped until
 //! their body rests.
 
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
@@ -9,7 +10,8 @@ use palpate::{Context, Error, Flags, Options, Result, Scene, SceneBuilder, Simul
 use palpate_oracle::elastic::Elements;
 
 use super::Settings;
-use super::series::Level;
+use super::cases::Case;
+use super::series::{Level, Quantity};
 use crate::meshes::MeshFolder;
 
 /// Number of steps from one look at the displacements to the next, while a body comes to rest.
@@ -25,8 +27,8 @@ pub struct Lab<'a> {
     context: Arc<Context>,
     /// Meshes of bodies that a scene cannot describe by numbers.
     pub folder: MeshFolder,
-    /// Whether fewer and coarser meshes are used.
-    pub is_quick: bool,
+    is_quick: bool,
+    case: &'static str,
     watch: &'a mut dyn FnMut(&str),
 }
 
@@ -36,12 +38,24 @@ impl<'a> Lab<'a> {
     pub fn new(settings: &Settings, watch: &'a mut dyn FnMut(&str)) -> Result<Lab<'a>> {
         let options =
             Options { device: settings.device.clone(), replaced: settings.replaced.clone(), ..Options::of_program() };
-        Ok(Lab { context: Context::open(&options)?, folder: MeshFolder::new()?, is_quick: settings.is_quick, watch })
+        Ok(Lab {
+            context: Context::open(&options)?,
+            folder: MeshFolder::new()?,
+            is_quick: settings.is_quick,
+            case: "",
+            watch,
+        })
     }
 
     /// The device.
     pub fn context(&self) -> &Context {
         &self.context
+    }
+
+    /// Runs a case. Errors: those of its simulations.
+    pub fn measure(&mut self, case: &Case) -> Result<Vec<Quantity>> {
+        self.case = case.name;
+        (case.measure)(self)
     }
 
     /// The levels of a study of refinement that are run: all of them, or in the quick form the first three.
@@ -50,19 +64,15 @@ impl<'a> Lab<'a> {
     }
 
     /// Opens the scene of the text of a scene file. `label` names the level, for those who wait.
-    pub fn open(&mut self, case: &str, label: &str, text: &str) -> Result<Run> {
-        self.open_scene(label, &SceneBuilder::new(case).toml(text)?.build()?)
+    pub fn open(&mut self, label: &str, text: &str) -> Result<Run> {
+        self.open_scene(label, &SceneBuilder::new(self.case).toml(text)?.build()?)
     }
 
-    /// Opens a scene, whose name is the case's.
+    /// Opens a scene.
     pub fn open_scene(&mut self, label: &str, scene: &Scene) -> Result<Run> {
-        (self.watch)(&format!("{}: {label}", scene.name()));
+        (self.watch)(&format!("{}: {label}", self.case));
         let simulation = Simulation::on_device(&self.context, scene)?;
-        let mut run = Run { simulation, label: label.into(), flags: Flags::default(), steps: 0, masses: Vec::new() };
-        let missing = || Error::Simulation(format!("{label}: the first body has no material"));
-        let material = scene.bodies[0].material.ok_or_else(missing)?;
-        run.masses = Elements::new(run.layer(), material, DMat3::IDENTITY).masses;
-        Ok(run)
+        Ok(Run { simulation, label: label.into(), flags: Flags::default(), steps: 0, masses: OnceCell::new() })
     }
 }
 
@@ -73,7 +83,8 @@ pub struct Run {
     label: String,
     flags: Flags,
     steps: usize,
-    masses: Vec<f64>,
+    /// Masses of the first body's nodes, kg, computed where they are asked for.
+    masses: OnceCell<Vec<f64>>,
 }
 
 impl Run {
@@ -100,13 +111,20 @@ impl Run {
 
     /// Momentum of the first body, kg m/s.
     pub fn momentum(&self) -> Result<DVec3> {
-        let (_, velocities) = self.simulation.nodes(0)?.unwrap_or_default();
-        Ok(self.masses.iter().zip(&velocities).map(|(mass, v)| *mass * *v).sum())
+        let material = self.simulation.materials(0)[0];
+        let masses = self.masses.get_or_init(|| Elements::new(self.layer(), material, DMat3::IDENTITY).masses);
+        Ok(masses.iter().zip(self.nodes()?.1).map(|(mass, v)| *mass * v).sum())
     }
 
     /// Displacements of the first body's nodes, m.
     pub fn displacements(&self) -> Result<Vec<DVec3>> {
-        Ok(self.simulation.nodes(0)?.unwrap_or_default().0)
+        Ok(self.nodes()?.0)
+    }
+
+    /// Displacements (m) and velocities (m/s) of the first body's nodes.
+    fn nodes(&self) -> Result<(Vec<DVec3>, Vec<DVec3>)> {
+        let rigid = || Error::Simulation(format!("{}: the first body is not soft", self.label));
+        self.simulation.nodes(0)?.ok_or_else(rigid)
     }
 
     /// Index of the node of the first body that is nearest to a place at rest.

@@ -130,7 +130,7 @@ pub fn run(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Results> 
     let mut results = Vec::new();
     for case in settings.cases() {
         let begun = Instant::now();
-        let (quantities, failure) = match (case.measure)(&mut lab) {
+        let (quantities, failure) = match lab.measure(case) {
             Ok(quantities) => (quantities, None),
             Err(Error::Simulation(failure)) => (Vec::new(), Some(failure)),
             Err(error) => return Err(error),

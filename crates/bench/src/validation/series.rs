@@ -8,12 +8,12 @@
 
 use serde::Serialize;
 
-use crate::accuracy::space::limit::limit;
+use crate::limit::limit;
 
 /// Least share of what was extrapolated by which the limit may be off.
 const LEAST_SHARE: f64 = 0.1;
 /// Relative error by which single precision and the solver's tolerance may move a limit.
-const PRECISION: f64 = 1e-4;
+pub const PRECISION: f64 = 1e-4;
 /// Factor of the change of a limit, where the observed order is less than half or more than twice that of theory: the
 /// levels are too coarse, or too irregular, for theory to hold.
 const IRREGULAR: f64 = 2.0;
@@ -127,7 +127,7 @@ pub struct Verdict {
     pub error: f64,
     /// Relative difference of the finest level from the expected value.
     pub finest: f64,
-    /// Share of `bound` that is due to discretisation, single precision and the solver.
+    /// The part of `bound` that is due to discretisation, single precision and the solver.
     pub numerical: f64,
     /// Greatest relative difference that discretisation, precision, and the uncertainties of value and model explain.
     pub bound: f64,

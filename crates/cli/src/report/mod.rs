@@ -7,6 +7,7 @@ pub mod field;
 pub mod figure;
 pub mod haptics;
 mod letters;
+pub mod measured;
 pub mod output;
 pub mod page;
 pub mod picture;

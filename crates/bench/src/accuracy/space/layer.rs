@@ -8,12 +8,12 @@ use glam::DVec3;
 use palpate::Result;
 use palpate::scene::{Dilatation, Layer, Surface};
 
-use super::limit::limit;
 use super::press::{self, HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{ball, dome, graded_block};
 use super::{entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Settings};
+use crate::limit::limit;
 use crate::meshes::MeshFolder;
 
 /// Numbers of cells across the blocks and the dome: in the whole benchmark and in its short form.

@@ -5,7 +5,6 @@
 //! reference once everything is at rest.
 
 mod layer;
-pub(crate) mod limit;
 pub(crate) mod press;
 mod proxies;
 mod sampled;

@@ -10,12 +10,12 @@ use palpate::internal::stages::QUERY;
 use palpate::scene::{Sides, Surface};
 
 use super::layer::{GRADES, block};
-use super::limit::limit;
 use super::press::{Body, HALF_WIDTH, HEIGHT, Press};
 use super::shapes::{ball, block_skin};
 use super::{entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
+use crate::limit::limit;
 use crate::meshes::MeshFolder;
 
 /// Numbers of cells across the block's skin, and along a quarter of the ball's girth.

@@ -5,11 +5,11 @@ use glam::DVec3;
 use palpate::Result;
 
 use super::layer::{block, fine_ball};
-use super::limit::limit;
 use super::press::{Body, HEIGHT, Press, YOUNG};
 use super::{entrant, error_against, force};
 use crate::accuracy::race::{Entrant, race};
 use crate::accuracy::{Curve, Expected, Point, Settings};
+use crate::limit::limit;
 use crate::meshes::MeshFolder;
 
 /// Contact stiffnesses that are tried, N/m^3.
@@ -125,8 +125,8 @@ pub fn by_stiffness(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<
 }
 
 /// Force of a rigid ball pressed `depth` into a layer of thickness [`HEIGHT`] and Young's modulus [`YOUNG`] bonded to a
-/// rigid base, N; lengths in m. It is Hertz's law times a series in x, which is the square root of radius times depth, divided by the thickness (Dimitriadis, Horkay,
-/// Maresca, Kachar and Chadwick 2002, equation 13).
+/// rigid base, N; lengths in m. It is Hertz's law times a series in x, which is the square root of radius times depth,
+/// divided by the thickness (Dimitriadis, Horkay, Maresca, Kachar and Chadwick 2002, equation 13).
 pub fn hertz(radius: f64, depth: f64, nu: f64) -> f64 {
     let a = -(1.2876 - 1.4678 * nu + 1.3442 * nu * nu) / (1.0 - nu);
     let b = (0.6387 - 1.0277 * nu + 1.5164 * nu * nu) / (1.0 - nu);

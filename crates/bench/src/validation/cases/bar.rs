@@ -65,7 +65,7 @@ fn hanging(lab: &mut Lab) -> Result<Vec<Quantity>> {
     let mut levels = Vec::new();
     for &cells in lab.levels(&CELLS) {
         let more = material(20.0) + &support("top", "plane = [0, 1, 0]", &face(1, LENGTH)) + &guides();
-        let mut run = lab.open("hanging", &format!("{cells} cells across"), &bar(0.02, GRAVITY, cells, &more))?;
+        let mut run = lab.open(&format!("{cells} cells across"), &bar(0.02, GRAVITY, cells, &more))?;
         run.rest(50, 1000)?;
         let low = run.displacement(DVec3::new(0.5 * WIDTH, 0.0, 0.5 * WIDTH))?;
         levels.push(run.level(1.0 / f64::from(cells), -low.y));
@@ -93,7 +93,7 @@ fn impact(lab: &mut Lab) -> Result<Vec<Quantity>> {
                 STIFFNESS * f64::from(cells * cells)
             );
         let label = format!("{cells} cells across");
-        let mut run = lab.open("impact", &label, &bar(dt, 0.0, cells, &more))?;
+        let mut run = lab.open(&label, &bar(dt, 0.0, cells, &more))?;
         let samples = pushes(&mut run, dt, 1.5 * time)?;
         let middle: Vec<f64> =
             samples.iter().filter(|(t, _)| (0.25..0.75).contains(&(t / time))).map(|(_, push)| *push).collect();

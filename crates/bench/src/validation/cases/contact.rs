@@ -55,7 +55,6 @@ fn indentation(lab: &mut Lab) -> Result<Vec<Quantity>> {
             ..Press::new(Body::Based(None, layer))
         };
         let mut scene = press.scene();
-        scene.file = "indentation".into();
         scene.contact.samples = Samples::Triangles;
         let mut run = lab.open_scene(&format!("{cells} cells across"), &scene)?;
         let mut force = f64::NAN;
@@ -75,8 +74,7 @@ fn indentation(lab: &mut Lab) -> Result<Vec<Quantity>> {
     Ok(vec![Quantity { model, ..Quantity::new("force", "N", published, convergence, levels) }])
 }
 
-// PyElastica's case.
-/// Mass of the block, kg.
+/// Mass of the block of PyElastica's case, kg.
 const MASS: f64 = 1.0;
 /// Coefficient of friction.
 const FRICTION: f64 = 0.4;
@@ -146,7 +144,7 @@ fn friction(lab: &mut Lab) -> Result<Vec<Quantity>> {
     for &ms in lab.levels(&STEPS_OF_SLIDE) {
         let dt = 1e-3 * ms;
         let text = block_on_floor(dt, [0.0, -GRAVITY, 0.0], &pull);
-        let mut run = lab.open("friction", &format!("steps of {ms} ms"), &text)?;
+        let mut run = lab.open(&format!("steps of {ms} ms"), &text)?;
         let [before, speed] = speeds(&mut run, dt)?;
         if before.abs() > CREEP {
             return Err(Error::Simulation(format!("the block moves at {before:e} m/s before it is pulled")));
@@ -169,7 +167,7 @@ fn slope(lab: &mut Lab) -> Result<Vec<Quantity>> {
     for &ms in lab.levels(&STEPS_OF_SLIDE) {
         let dt = 1e-3 * ms;
         let text = block_on_floor(dt, [GRAVITY * sine, -GRAVITY * cosine, 0.0], "");
-        let mut run = lab.open("slope", &format!("steps of {ms} ms"), &text)?;
+        let mut run = lab.open(&format!("steps of {ms} ms"), &text)?;
         let [before, after] = speeds(&mut run, dt)?;
         levels.push(run.level(ms, (after - before) / TIME));
     }

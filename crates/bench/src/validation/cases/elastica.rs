@@ -14,6 +14,14 @@ const DENSITY: f64 = 1000.0;
 /// Cells across the height of the bar.
 const CELLS: [u32; 4] = [2, 4, 6, 8];
 
+/// Length and height of the bar, m.
+const LENGTH: f64 = 0.5;
+const HEIGHT: f64 = 0.02;
+/// Load per length times the cube of the length, over the stiffness E I against bending.
+const LOAD: f64 = 5.0;
+/// Deflection and shortening over length, by the equation of the elastica with shear and stretch (Reissner 1972).
+const EXPECTED: [f64; 2] = [0.49654, 0.15345];
+
 /// A bar under a uniform load.
 pub const CASE: Case = Case {
     name: "elastica",
@@ -25,18 +33,11 @@ pub const CASE: Case = Case {
     measure,
 };
 
-const LENGTH: f64 = 0.5;
-const HEIGHT: f64 = 0.02;
-/// Load per length times the cube of the length, over the stiffness E I against bending.
-const LOAD: f64 = 5.0;
-/// Deflection and shortening over length, by the equation of the elastica with shear and stretch (Reissner 1972).
-const EXPECTED: [f64; 2] = [0.49654, 0.15345];
-
 fn measure(lab: &mut Lab) -> Result<Vec<Quantity>> {
     let mut levels = [Vec::new(), Vec::new()];
     for &cells in lab.levels(&CELLS) {
         let text = scene(lab, cells)?;
-        let mut run = lab.open("elastica", &format!("{cells} cells across"), &text)?;
+        let mut run = lab.open(&format!("{cells} cells across"), &text)?;
         run.rest(60, 1000)?;
         let end = run.displacement(DVec3::new(LENGTH, 0.5 * HEIGHT, 0.0))? / LENGTH;
         levels[0].push(run.level(1.0 / f64::from(cells), -end.y));

@@ -43,7 +43,7 @@ fn measure(lab: &mut Lab) -> Result<Vec<Quantity>> {
             + &support("clamp", "axis = [0, 0, 1]", &face(0, 0.0))
             + &support("symmetry", "plane = [0, 0, 1]", &face(2, 0.0))
             + &traction("shear", [0.0, QUOTIENT * YOUNG / 16.0, 0.0], &face(0, 48.0 * MILLIMETRE));
-        let mut run = lab.open("cook", &format!("{cells} x {cells} cells"), &text)?;
+        let mut run = lab.open(&format!("{cells} x {cells} cells"), &text)?;
         run.rest(40, 1000)?;
         let end = run.displacement(MILLIMETRE * DVec3::new(48.0, 52.0, 0.0))?;
         levels.push(run.level(1.0 / f64::from(cells), end.y / (QUOTIENT * MILLIMETRE)));

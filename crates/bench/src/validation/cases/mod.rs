@@ -48,10 +48,10 @@ pub static ALL: [Case; 15] = [
     contact::SLOPE,
 ];
 
-/// The head of a scene file: the time step (s), gravity (m/s^2), and a solver that stops at a relative residual of
-/// `tolerance`.
+/// The head of a scene file: a solver that stops at a relative residual of `tolerance`, gravity (m/s^2) and the time
+/// step (s). It ends within the table [step], whose other keys may follow.
 fn head(dt: f64, gravity: [f64; 3], tolerance: f64) -> String {
-    format!("[step]\ndt = {dt:?}\ngravity = {gravity:?}\n[solver]\ntolerance = {tolerance:?}\nmax_iterations = 5000\n")
+    format!("[solver]\ntolerance = {tolerance:?}\nmax_iterations = 5000\n[step]\ngravity = {gravity:?}\ndt = {dt:?}\n")
 }
 
 /// A region of nodes: all whose coordinate `axis` is within rounding of `at`, in a body of at most 1e3 m.

@@ -70,7 +70,7 @@ fn energy(lab: &mut Lab) -> Result<Vec<Quantity>> {
         );
     let mut quantities = Vec::new();
     for strain in [1.0, 2.0, 3.0] {
-        let mut run = lab.open("energy", &format!("strain {strain}"), &text)?;
+        let mut run = lab.open(&format!("strain {strain}"), &text)?;
         let stretched: Vec<DVec3> = run.layer().nodes.iter().map(|x| strain * *x).collect();
         run.simulation.place_nodes(0, &stretched, &vec![DVec3::ZERO; stretched.len()])?;
         let greatest = run.simulation.field(Field::StrainEnergy)?.greatest;
@@ -91,7 +91,7 @@ fn measure(lab: &mut Lab) -> Result<Vec<Quantity>> {
         let mut levels = [Vec::new(), Vec::new()];
         for &cells in lab.levels(&CELLS) {
             let label = format!("{name}, {cells} cells along the edge");
-            let mut run = lab.open("patch", &label, &scene(lab, cells, name, stress)?)?;
+            let mut run = lab.open(&label, &scene(lab, cells, name, stress)?)?;
             // The cube rests soon, but it floats, and its displacements are those in a frame that follows it.
             for _ in 0..STEPS {
                 run.step()?;

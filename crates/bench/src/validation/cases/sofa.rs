@@ -69,7 +69,7 @@ fn cantilever(lab: &mut Lab) -> Result<Vec<Quantity>> {
             -weight
         );
     }
-    let mut run = lab.open("sofa-cantilever", "the same mesh", &text)?;
+    let mut run = lab.open("the same mesh", &text)?;
     run.rest(30, 1000)?;
     let end = run.displacement(DVec3::new(0.0, 0.0, length))?;
     let quantity = |name: &str, published: f64, uncertainty: f64, value: f64| Quantity {
@@ -93,14 +93,14 @@ fn swinging(lab: &mut Lab) -> Result<Vec<Quantity>> {
     let length = 2.7;
     let layer = grid(DVec3::ZERO, DVec3::new(1.0, 1.0, length), [2, 2, 7], Split::Alike);
     let file = lab.folder.layer("sofa-neo-hookean", &layer.nodes, &layer.tetrahedra)?;
-    let text = head(0.005, [0.0, -9.0, 0.0], 1e-7).replace("[solver]", "newton = 4\n[solver]")
+    let text = head(0.005, [0.0, -9.0, 0.0], 1e-7)
         + &format!(
-            "[[body]]\nname = \"beam\"\nlayer = {file:?}\nmaterial = {{ young = 1e4, poisson = 0.45, density = {:?}, \
-             law = \"neo-hookean\" }}\n",
+            "newton = 4\n[[body]]\nname = \"beam\"\nlayer = {file:?}\n\
+             material = {{ young = 1e4, poisson = 0.45, density = {:?}, law = \"neo-hookean\" }}\n",
             1.0 / length
         )
         + &support("clamp", "point = true", &face(2, 0.0));
-    let mut run = lab.open("sofa-neo-hookean", "the same mesh", &text)?;
+    let mut run = lab.open("the same mesh", &text)?;
     let mut quantities = Vec::new();
     // Steps, and the published height of the node, m, which is at 0.5 m at rest.
     for (step, height) in [(20, 0.474450), (60, 0.480414), (99, 0.484777)] {
