@@ -80,7 +80,12 @@ impl fmt::Display for Error {
                 what.clone()
             }
         };
-        f.write_str(&printable(&text))
+        let text = printable(&text);
+        match self {
+            // These quote files, keys and their values, which may contain anything.
+            Error::Input { .. } | Error::Key { .. } | Error::Output { .. } => f.write_str(&text.replace('\n', "\\n")),
+            _ => f.write_str(&text),
+        }
     }
 }
 
@@ -168,6 +173,8 @@ mod tests {
             let text = error.to_string();
             assert!(text.contains("a\\u{1b}[31m\\u{7}\\u{202e}b") && !text.contains(char::is_control), "{text:?}");
         }
+        let quoted = Error::key(&file, "surface", "there is no file a\nb", "correct it").to_string();
+        assert!(quoted.contains("no file a\\nb"), "an error of a file is not one line: {quoted}");
         assert_eq!(printable("two\n\tlines: \u{e9}"), "two\n\tlines: \u{e9}");
     }
 

@@ -219,7 +219,11 @@ fn damage_is_named_with_its_place() {
         ("a.vtk", b"$MeshFormat\n".to_vec(), "a.vtk:1: found \"$MeshFormat\" instead of"),
         ("a.vtk", spoil(vtk_binary(false), &third.to_be_bytes(), &nan(true)), "not a finite number in range, at byte"),
         ("a.vtk", spoil(vtk_binary(false), b"CELLS 3 14", b"CELLS 3 13"), "cell 2 goes beyond the 13 numbers"),
-        ("a.vtk", spoil(vtk_binary(true), b"UNSTRUCTURED_GRID", b"POLYDATA"), "a dataset of type POLYDATA"),
+        (
+            "a.vtk",
+            spoil(vtk_binary(true), b"UNSTRUCTURED_GRID", b"STRUCTURED_POINTS"),
+            "a dataset of type STRUCTURED_POINTS",
+        ),
     ];
     for (name, bytes, words) in cases {
         let message = read_bytes(name, &bytes).unwrap_err();

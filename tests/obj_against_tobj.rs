@@ -7,7 +7,7 @@ mod real_meshes;
 use std::path::Path;
 
 use glam::DVec3;
-use palpate::scene::obj;
+use palpate::scene::triangles;
 
 use real_meshes::meshes;
 
@@ -27,7 +27,7 @@ fn the_reader_agrees_with_tobj_on_real_meshes() {
     let Some(meshes) = meshes() else { return };
     for name in ["surf/head.obj", "surf/gear.obj", "surf/human.obj", "surf/pumpkin.obj", "surf/human_3000.obj"] {
         let file = meshes.join(name);
-        let mesh = obj::read(&file).unwrap();
+        let mesh = triangles::read(&file).unwrap().mesh;
         let ours: Vec<DVec3> = mesh.triangles.iter().flatten().map(|v| mesh.vertices[*v as usize]).collect();
         assert_eq!(ours, corners_by_tobj(&file), "corners of the triangles of {name}, by this crate and by tobj");
     }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 
 use palpate::Scene;
-use palpate::scene::tetrahedra;
+use palpate::scene::{tetrahedra, triangles};
 use tempfile::TempDir;
 
 thread_local! {
@@ -39,6 +39,14 @@ pub fn fair<T>(result: palpate::Result<T>) -> Option<T> {
             None
         }
     }
+}
+
+/// Reads a surface from a file of this name, and requires that an accepted one is sound.
+pub fn surface(name: &str, bytes: &[u8]) {
+    let Some(mesh) = fair(in_file(name, bytes, triangles::read)).map(|file| file.mesh) else { return };
+    let count = mesh.vertices.len() as u32;
+    assert!(mesh.vertices.iter().all(|vertex| vertex.is_finite()));
+    assert!(mesh.triangles.iter().flatten().all(|vertex| *vertex < count));
 }
 
 /// Reads a tetrahedral mesh from a file of this name, and requires that an accepted one is sound.

@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use palpate::internal::prepare::{self, Cache, Shape};
-use palpate::scene::obj;
+use palpate::scene::triangles;
 use palpate_fuzz::{fair, in_file, scene};
 
 const SCENE: &str = "[[body]]\nname = \"b\"\nsurface = \"mesh.obj\"\nlayer = { across = 4 }\n\
@@ -13,7 +13,7 @@ const MOST: usize = 200;
 
 fuzz_target!(|bytes: &[u8]| {
     in_file("mesh.obj", bytes, |path| {
-        let Ok(mesh) = obj::read(path) else { return };
+        let Ok(mesh) = triangles::read(path).map(|file| file.mesh) else { return };
         if mesh.triangles.len() > MOST {
             return;
         }

@@ -1,7 +1,10 @@
-//! Tetrahedral meshes: legacy VTK files, ASCII and binary.
+//! Surfaces and tetrahedral meshes: legacy VTK files, ASCII and binary.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use palpate_fuzz::layer;
+use palpate_fuzz::{layer, surface};
 
-fuzz_target!(|bytes: &[u8]| layer("mesh.vtk", bytes));
+fuzz_target!(|bytes: &[u8]| {
+    surface("mesh.vtk", bytes);
+    layer("mesh.vtk", bytes);
+});

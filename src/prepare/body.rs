@@ -14,7 +14,7 @@ use super::{
     Body, BodyReport, FrameMotion, Proxy, Report, Shape, cores, loads, mass, materials, patch, proxies, repair, ride,
     skin,
 };
-use crate::scene::obj::TriangleMesh;
+use crate::scene::triangles::TriangleMesh;
 use crate::scene::{self, Dilatation, MaterialLaw, Motion, Scene, Surface, ToolShape};
 use crate::{Error, Result};
 
@@ -22,7 +22,7 @@ use crate::{Error, Result};
 /// volume is rounding error.
 const LEAST_VOLUME: f64 = 1e-12;
 /// Largest extents of bodies, m, that raise no doubt about the unit of their files.
-const USUAL_SIZES: std::ops::RangeInclusive<f64> = 1e-4..=10.0;
+const USUAL_SIZES: std::ops::RangeInclusive<f64> = 1e-3..=10.0;
 
 /// Prepares a body of the scene with the cache of earlier results in the user's cache folder. Errors name the key in
 /// the scene, or the file.
@@ -57,14 +57,16 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     let recipe = Recipe { surface, layer, hulls: body.hulls };
     let prepared = recipe.prepared(&keys, cache, log)?;
     let mut report = report_of(&keys, layer, &prepared, log);
-    report.notes.extend(odd_size(&keys, &prepared.mesh.vertices, body.scale));
+    if body.units.is_none() {
+        report.notes.extend(odd_size(&keys, &prepared.mesh.vertices, body.scale));
+    }
     log.filling = prepared.filling.clone();
     let made = log.stage(Stage::Bind, || match layer {
         Some(_) => soft(&keys, body, prepared),
         None => {
             let loads =
                 loads::loads(body, None, &[], &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
-            let shape = rigid(prepared, body.scale, motion(&body.cores, body.scale))
+            let shape = rigid(prepared, body.metres(), motion(&body.cores, body.metres()))
                 .map_err(|problem| keys.error("surface", problem, "give a closed surface with volume"))?;
             Ok((shape, loads))
         }
@@ -76,7 +78,8 @@ fn make(body: &scene::Body, scene: &Scene, cache: &Cache, log: &mut Log) -> Resu
     Ok(placed(body, shape, loads, report))
 }
 
-/// A note on a body so large or so small that its file is most likely in another unit than metres.
+/// A note on a body so large or so small that its file is most likely in another unit than metres, for a body whose
+/// `units` are not said.
 fn odd_size(keys: &Keys, vertices: &[DVec3], scale: f64) -> Option<String> {
     let low = vertices.iter().fold(DVec3::INFINITY, |low, vertex| low.min(*vertex));
     let high = vertices.iter().fold(DVec3::NEG_INFINITY, |high, vertex| high.max(*vertex));
@@ -84,18 +87,18 @@ fn odd_size(keys: &Keys, vertices: &[DVec3], scale: f64) -> Option<String> {
     if !size.is_finite() || USUAL_SIZES.contains(&size) {
         return None;
     }
-    let milli = scale * 1e-3;
     let advice = if size > *USUAL_SIZES.end() {
-        format!("if its lengths are in millimetres, give scale = {milli}")
+        "if its lengths are in millimetres, give units = \"mm\""
     } else {
-        "give a `scale` that turns its lengths into metres".into()
+        "give `units`, or a `scale` that turns its lengths into metres"
     };
     Some(format!("`{}`: the body is {size:.3e} m across; {advice} (the scale is {scale})", keys.prefix))
 }
 
 /// Collects what was found and changed in the body's files, and the notes of the log.
 fn report_of(keys: &Keys, layer: Option<&scene::Layer>, prepared: &Prepared, log: &Log) -> BodyReport {
-    let mut notes = prepared.repair.as_ref().map(|found| keys.notes(found)).unwrap_or_default();
+    let mut notes: Vec<String> = prepared.surface_notes.iter().map(|note| keys.of_surface(note)).collect();
+    notes.extend(prepared.repair.iter().flat_map(|found| keys.notes(found)));
     let place = match layer {
         Some(scene::Layer::File(path)) => path.display().to_string(),
         _ => format!("`{}.layer`", keys.prefix),
@@ -143,7 +146,7 @@ pub fn watched_tool<'a>(tool: &scene::Tool, scene: &Scene, cache: &Cache, watch:
         }
     };
     let report = report_of(&keys, None, &prepared, &log);
-    let shape = rigid(prepared, tool.scale, FrameMotion::Fixed)
+    let shape = rigid(prepared, tool.metres(), FrameMotion::Fixed)
         .map_err(|p| keys.error(key, p, "give a closed surface with volume"))?;
     Ok(Body {
         name: "tool".into(),
@@ -203,14 +206,19 @@ impl<'a> Keys<'a> {
         }
     }
 
+    /// A note on the surface's file, with its name.
+    fn of_surface(&self, note: &str) -> String {
+        match self.surface {
+            Some(Surface::File(path)) => format!("{}: {note}", path.display()),
+            _ => format!("`{}.surface`: {note}", self.prefix),
+        }
+    }
+
     /// The changes that the repair made to a given surface, one sentence each.
     fn notes(&self, found: &RepairReport) -> Vec<String> {
         match self.surface {
             Some(Surface::File(path)) => repair::notes(found, path),
-            Some(Surface::Mesh(_)) => {
-                let of_mesh = |(_, text)| format!("`{}.surface`: {text}", self.prefix);
-                found.sentences().into_iter().map(of_mesh).collect()
-            }
+            Some(Surface::Mesh(_)) => found.sentences().iter().map(|(_, text)| self.of_surface(text)).collect(),
             _ => Vec::new(),
         }
     }
@@ -246,7 +254,7 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<(Shape, V
     let prescribed: Vec<bool> = (0..layer.nodes.len()).map(is_prescribed).collect();
     let loads =
         loads::loads(body, soft, &prescribed, &prepared.mesh, |key, problem, remedy| keys.error(key, problem, remedy))?;
-    layer.nodes.iter_mut().for_each(|n| *n *= body.scale);
+    layer.nodes.iter_mut().for_each(|n| *n *= body.metres());
     if body.dilatation == Dilatation::Patch {
         if materials.all.iter().any(|material| material.law != MaterialLaw::Corotational) {
             let problem = "\"patch\" works with the corotational law only";
@@ -258,14 +266,14 @@ fn soft(keys: &Keys, body: &scene::Body, prepared: Prepared) -> Result<(Shape, V
         }
         layer.patches = patch::patches(&layer, |t| materials.index(t) as u32);
     }
-    let mesh = scaled(prepared.mesh, body.scale);
+    let mesh = scaled(prepared.mesh, body.metres());
     let skin = skin::build(mesh.vertices, mesh.triangles);
     let embedding = prepared.embedding;
-    let proxies = scaled_proxies(prepared.proxies, body.scale);
+    let proxies = scaled_proxies(prepared.proxies, body.metres());
     let proxies = ride::on_frames(proxies, &skin, &layer, &embedding, &node_frames);
     let frames = cores::frames(body, &layer, &node_frames, &materials)
         .map_err(|(key, problem, remedy)| keys.error(&key, problem, remedy))?;
-    let scaled_joint = |joint: &scene::Joint| scene::Joint { point: body.scale * joint.point, ..*joint };
+    let scaled_joint = |joint: &scene::Joint| scene::Joint { point: body.metres() * joint.point, ..*joint };
     let joints = body.joints.iter().map(scaled_joint).collect();
     let shape = Shape::Soft { layer, frames, node_frames, supports, joints, materials, embedding, skin, proxies };
     Ok((shape, loads))

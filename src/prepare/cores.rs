@@ -12,7 +12,7 @@ use super::supports::{Freedom, Supports, supports};
 use super::{Frame, FrameMotion, Layer, Materials, NONE, bind};
 use crate::Result;
 use crate::scene::groups::Groups;
-use crate::scene::obj::TriangleMesh;
+use crate::scene::triangles::TriangleMesh;
 use crate::scene::{Bind, Body, Hinge, Motion};
 
 /// A dynamic core (one that forces move) is refused if its attached nodes lie on one line, that is, if the determinant
@@ -174,7 +174,7 @@ pub fn frames(
         let motion = match &core.motion {
             Motion::Fixed => FrameMotion::Fixed,
             Motion::Kinematic(keys) => FrameMotion::Kinematic(keys.clone()),
-            Motion::Dynamic => dynamic(core, body.scale),
+            Motion::Dynamic => dynamic(core, body.metres()),
         };
         let mut centre = sum / f64::max(all, f64::MIN_POSITIVE);
         if let FrameMotion::Dynamic { hinge, .. } = motion {

@@ -4,7 +4,7 @@
 use super::cores::{self, Numbered};
 use super::{Embedding, Layer};
 use crate::Result;
-use crate::scene::obj::TriangleMesh;
+use crate::scene::triangles::TriangleMesh;
 use crate::scene::{self, Bind, Body, LoadKind};
 
 /// Least magnitude of an embedding weight (by which a skin vertex follows a node) that counts.

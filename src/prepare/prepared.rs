@@ -16,8 +16,8 @@ use super::report::{CacheUse, Log, Stage};
 use super::stuffing::{self, LayerReport, Options, stuff};
 use super::{Embedding, Layer, MAX_HULL_VERTICES, Proxy, Skin, embed, layer, proxies, proxy, skin};
 use crate::scene::groups::Groups;
-use crate::scene::obj::{self, TriangleMesh};
 use crate::scene::tetrahedra::{self, TetMesh};
+use crate::scene::triangles::{self, TriangleFile, TriangleMesh};
 use crate::scene::{self, Surface};
 use crate::{Result, files, memory};
 
@@ -49,6 +49,8 @@ pub struct Prepared {
     /// For each node of the layer, its number in the layer's file, in ascending order; unused nodes of the file are
     /// left out.
     pub node_numbers: Vec<u32>,
+    /// Notes on parts of the surface's file that were left out, one sentence each.
+    pub surface_notes: Vec<String>,
     /// Notes on parts of the layer's file or of the surface's shape that were left out or changed, one sentence each.
     pub layer_notes: Vec<String>,
     /// Embedding of each skin vertex of a soft body in the layer.
@@ -148,7 +150,7 @@ impl Recipe<'_> {
     fn key(&self, keys: &Keys) -> Result<Key> {
         let mut maker = KeyMaker::new();
         match self.surface {
-            Some(Surface::File(path)) => add_file(&mut maker, path)?,
+            Some(Surface::File(path)) => triangles::files(path).iter().try_for_each(|f| add_file(&mut maker, f))?,
             Some(Surface::Mesh(mesh)) => add_mesh(&mut maker, &mesh.vertices, &mesh.triangles),
             other => maker.add(format!("{other:?}").as_bytes()),
         }
@@ -167,6 +169,7 @@ impl Recipe<'_> {
     fn make(&self, keys: &Keys, log: &mut Log) -> Result<Prepared> {
         let read = |surface| log.stage(Stage::Read, || read(keys, surface))?;
         let surface = self.surface.map(read).transpose()?;
+        let (surface, surface_notes) = surface.map_or((None, Vec::new()), |file| (Some(file.mesh), file.notes));
         let (surface, mut repair) = match surface {
             Some(mesh) if keys.is_surface_given() => {
                 let mend = if keys.repair { repair::repair } else { repair::strict };
@@ -200,7 +203,18 @@ impl Recipe<'_> {
             None => Vec::new(),
         };
         let (mesh, proxies) = log.stage(Stage::Proxies, || cover(keys, mesh, self.hulls))??;
-        Ok(Prepared { mesh, layer, groups, filling, node_numbers, layer_notes, embedding, proxies, repair })
+        Ok(Prepared {
+            mesh,
+            layer,
+            groups,
+            filling,
+            node_numbers,
+            surface_notes,
+            layer_notes,
+            embedding,
+            proxies,
+            repair,
+        })
     }
 }
 
@@ -222,10 +236,11 @@ fn add_mesh<const N: usize>(maker: &mut KeyMaker, points: &[DVec3], elements: &[
 }
 
 /// Reads or generates a surface, in file coordinates.
-fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
+fn read(keys: &Keys, surface: &Surface) -> Result<TriangleFile> {
+    let made = |mesh| Ok(TriangleFile { mesh, notes: Vec::new() });
     match surface {
-        Surface::File(path) => obj::read(path),
-        Surface::Mesh(mesh) => Ok((**mesh).clone()),
+        Surface::File(path) => triangles::read(path),
+        Surface::Mesh(mesh) => made((**mesh).clone()),
         Surface::Model { model, vertices } if !model.vertices().contains(vertices) => {
             let range = model.vertices();
             let problem = format!("the model {} cannot be generated with {vertices} vertices", model.name());
@@ -233,7 +248,7 @@ fn read(keys: &Keys, surface: &Surface) -> Result<TriangleMesh> {
         }
         Surface::Model { model, vertices } => {
             let (vertices, triangles) = crate::prepare::model::surface(*model, *vertices);
-            Ok(TriangleMesh { vertices, triangles })
+            made(TriangleMesh { vertices, triangles })
         }
     }
 }

@@ -43,16 +43,23 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("stuffing/thin.rs"),
     include_str!("stuffing/volume.rs"),
     include_str!("../scene/cursor.rs"),
+    include_str!("../scene/gltf.rs"),
     include_str!("../scene/gmsh.rs"),
     include_str!("../scene/gmsh/groups.rs"),
     include_str!("../scene/groups.rs"),
     include_str!("../scene/meshes.rs"),
     include_str!("../scene/obj.rs"),
+    include_str!("../scene/ply.rs"),
+    include_str!("../scene/stl.rs"),
     include_str!("../scene/tetgen.rs"),
     include_str!("../scene/tetrahedra.rs"),
+    include_str!("../scene/triangles.rs"),
     include_str!("../scene/triangulate.rs"),
     include_str!("../scene/vtk.rs"),
     include_str!("../scene/vtk/data.rs"),
+    include_str!("../scene/vtk/grid.rs"),
+    include_str!("../scene/vtk_xml.rs"),
+    include_str!("../scene/vtk_xml/array.rs"),
 ];
 
 #[cfg(test)]
@@ -61,7 +68,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files of the folders `prepare` and `scene` on which the cached parts of a body do not depend.
-    const OTHERS: [&str; 40] = [
+    const OTHERS: [&str; 41] = [
         "prepare/bind.rs",
         "prepare/bodies.rs",
         "prepare/body.rs",
@@ -102,6 +109,7 @@ mod tests {
         "scene/skeleton.rs",
         "scene/support.rs",
         "scene/tests.rs",
+        "scene/units.rs",
     ];
 
     fn files(folder: &Path, found: &mut Vec<PathBuf>) {

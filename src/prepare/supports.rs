@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3};
 use super::Layer;
 use super::cores::{self, Numbered};
 use crate::Result;
-use crate::scene::obj::TriangleMesh;
+use crate::scene::triangles::TriangleMesh;
 use crate::scene::{Body, Constraint, Motion};
 
 /// Supports count as holding a node along the same direction where the angle between their directions, rad, is below this.

@@ -15,7 +15,7 @@ use super::{Body, Layer, Shape, body, embed, layer, mass, proxies, skin, stuffin
 use crate::Result;
 use crate::scene::{
     self, Bind, Contact, Core, Haptics, Material, MaterialLaw, Model, Motion, Operator, Preconditioner, Scene, Solver,
-    Step, Surface, Tool, ToolShape, obj,
+    Step, Surface, Tool, ToolShape, triangles,
 };
 use real_meshes::meshes;
 
@@ -34,7 +34,7 @@ pub const MATERIAL: Material = Material {
 fn real_surfaces_get_a_layer_an_embedding_and_proxies() {
     let Some(folder) = meshes() else { return };
     for name in ["head", "pumpkin", "gear", "human", "human_3000"] {
-        let mesh = obj::read(&folder.join(format!("surf/{name}.obj"))).unwrap();
+        let mesh = triangles::read(&folder.join(format!("surf/{name}.obj"))).unwrap().mesh;
         let low = mesh.vertices.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = mesh.vertices.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         let cell = (high - low).max_element() / 25.0;
@@ -95,6 +95,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         name: "thing".into(),
         shape,
         hulls: None,
+        units: None,
         scale: 2.0,
         position: DVec3::X,
         orientation: DQuat::IDENTITY,
@@ -237,6 +238,7 @@ fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
         position: DVec3::Y,
         orientation: DQuat::IDENTITY,
         velocity: DVec3::ZERO,
+        units: None,
         scale: 1.0,
         repair: true,
     };

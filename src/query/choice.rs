@@ -13,7 +13,7 @@ use crate::gpu::Context;
 use crate::prepare::cache::{Entry, KeyMaker};
 use crate::prepare::{self, Body, Cache};
 use crate::query::{Query, QuerySettings};
-use crate::scene::{Scene, Tool, ToolShape};
+use crate::scene::{Scene, Tool};
 use crate::stages::depth::{self, Path};
 use crate::{Error, Result};
 
@@ -142,16 +142,7 @@ fn measured_times(context: &Arc<Context>) -> Result<[f64; 2]> {
 
 /// A rigid sphere with radius [`RADIUS`], centred at the origin.
 fn sphere(scene: &Scene) -> Result<Body> {
-    let tool = Tool {
-        shape: ToolShape::Sphere(RADIUS),
-        mass: 1.0,
-        position: DVec3::ZERO,
-        orientation: DQuat::IDENTITY,
-        velocity: DVec3::ZERO,
-        scale: 1.0,
-        repair: false,
-    };
-    prepare::tool(&tool, scene)
+    prepare::tool(&Tool::sphere(RADIUS, 1.0), scene)
 }
 
 #[cfg(test)]

@@ -13,9 +13,10 @@ use super::material::{group, material, regions};
 use super::meshes::Meshes;
 use super::reference;
 use super::tetrahedra::EXTENSIONS;
+use super::units::UNITS;
 use super::{
     Bind, Body, Core, Hinge, Layer, Model, Motion, SceneBuilder, Shape, Skeleton, Surface, joint, loads, skeleton,
-    support, trajectory,
+    support, trajectory, triangles,
 };
 use crate::Result;
 
@@ -92,6 +93,7 @@ fn body(value: &Value) -> Result<Body> {
         name,
         shape,
         hulls: table.option("hulls", |value| value.whole(1, MOST_HULLS))?,
+        units: table.option("units", |value| value.one_of("unit of length", &UNITS))?,
         scale: table.or("scale", 1.0, Value::positive)?,
         position: table.or("position", DVec3::ZERO, Value::vector)?,
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
@@ -182,7 +184,7 @@ fn surface(value: &Value) -> Result<Surface> {
 /// A surface that the engine does not generate: from a file, or passed in memory.
 pub(super) fn given_surface(value: &Value) -> Result<Surface> {
     if value.is_text() {
-        return mesh_file(value, &["obj"]).map(Surface::File);
+        return mesh_file(value, &triangles::EXTENSIONS).map(Surface::File);
     }
     value.table(&reference::MESH)?.need("mesh")?.mesh(Meshes::surface).map(Surface::Mesh)
 }

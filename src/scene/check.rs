@@ -394,10 +394,11 @@ impl Tool {
                     ("position", self.position != DVec3::ZERO),
                     ("orientation", self.orientation != DQuat::IDENTITY),
                     ("velocity", self.velocity != DVec3::ZERO),
+                    ("units", self.units.is_some()),
                     ("scale", self.scale != 1.0),
                 ],
             ),
-            (_, true) => ("sphere", &[("scale", self.scale != 1.0)]),
+            (_, true) => ("sphere", &[("units", self.units.is_some()), ("scale", self.scale != 1.0)]),
             _ => ("surface", &[]),
         };
         if let Some((key, _)) = given.iter().find(|(_, is_given)| *is_given) {
@@ -410,6 +411,7 @@ impl Tool {
         vector(self.position).under("position")?;
         orientation(self.orientation).under("orientation")?;
         vector(self.velocity).under("velocity")?;
+        self.units.map_or(Ok(()), positive).under("units")?;
         positive(self.scale).under("scale")
     }
 }
@@ -421,6 +423,7 @@ impl Body {
         name(&self.name).under("name")?;
         self.check_shape()?;
         self.hulls.map_or(Ok(()), |hulls| whole(hulls, 1..=MOST_HULLS)).under("hulls")?;
+        self.units.map_or(Ok(()), positive).under("units")?;
         positive(self.scale).under("scale")?;
         vector(self.position).under("position")?;
         orientation(self.orientation).under("orientation")?;
@@ -504,6 +507,7 @@ impl Body {
                     ("core", !self.cores.is_empty()),
                     ("hulls", self.hulls.is_some()),
                     ("load", !self.loads.is_empty()),
+                    ("units", self.units.is_some()),
                     ("scale", self.scale != 1.0),
                     ("position", self.position != DVec3::ZERO),
                     ("orientation", self.orientation != DQuat::IDENTITY),

@@ -63,6 +63,11 @@ impl<'a> Cursor<'a> {
         self.mark
     }
 
+    /// Position up to which the file has been read.
+    pub(super) fn position(&self) -> usize {
+        self.at
+    }
+
     pub(super) fn error(&self, problem: impl Into<String>) -> Error {
         self.error_at(self.mark, problem, self.remedy)
     }
@@ -194,6 +199,16 @@ impl<'a> Cursor<'a> {
             array.reverse();
         }
         Ok(array)
+    }
+
+    /// Reads a binary integer of at most eight bytes.
+    pub(super) fn integer(&mut self, bytes: usize, signed: bool, what: &str) -> Result<i64> {
+        let mut taken = self.take(bytes, what)?.to_vec();
+        if self.order == Some(Order::Big) {
+            taken.reverse();
+        }
+        let start = if signed && taken.last().is_some_and(|byte| *byte >= 0x80) { -1 } else { 0 };
+        Ok(taken.iter().rev().fold(start, |number, byte| number << 8 | i64::from(*byte)))
     }
 
     /// Reads a four-byte binary integer.

@@ -13,6 +13,7 @@ use glam::{DQuat, DVec3};
 use super::keys::{Node, Source, Table, Value};
 use super::preset::{self, PRESETS, Preset};
 use super::reference::{self, TableKeys};
+use super::units::UNITS;
 use super::{
     Body, Contact, Coupling, DepthPath, Haptics, Operator, Preconditioner, Probe, Samples, Scene, SceneBuilder, Sides,
     Solver, Step, Tool, ToolShape, body, check, haptics, names, trajectory,
@@ -257,9 +258,9 @@ fn tool(value: &Value) -> Result<Tool> {
         _ => ToolShape::Body(shape_value.name()?),
     };
     let meaningless: &[&str] = match shape {
-        ToolShape::Sphere(_) => &["scale", "repair"],
+        ToolShape::Sphere(_) => &["units", "scale", "repair"],
         ToolShape::Surface(_) => &[],
-        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "scale", "repair"],
+        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "units", "scale", "repair"],
     };
     if let Some(key) = meaningless.iter().find(|key| table.has(key)) {
         return Err(table.error(key, format!("has no meaning together with `{shape_key}`"), "remove it"));
@@ -272,6 +273,7 @@ fn tool(value: &Value) -> Result<Tool> {
         position: table.or("position", DVec3::ZERO, Value::vector)?,
         orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
         velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
+        units: table.option("units", |value| value.one_of("unit of length", &UNITS))?,
         scale: table.or("scale", 1.0, Value::positive)?,
         repair: table.or("repair", true, Value::truth)?,
     })

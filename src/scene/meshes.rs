@@ -9,13 +9,11 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::cursor::Cursor;
-use super::obj::{self, TriangleMesh};
 use super::tetrahedra::{self, Contents, Element, TetMesh};
+use super::triangles::{self, LARGEST, TriangleMesh};
 use super::triangulate::triangulate;
 use crate::{Error, Result};
 
-/// Greatest magnitude of a coordinate; coordinates in mesh files have the same limit.
-const LARGEST: f64 = 1e30;
 /// What the program can do about an invalid mesh; error messages show it.
 const REMEDY: &str = "correct the arrays";
 
@@ -34,7 +32,7 @@ impl Meshes {
         &NONE
     }
 
-    /// Adds a surface; it is treated like an OBJ file with these vertices (`v` lines) and triangles (`f` lines).
+    /// Adds a surface; it is treated like a mesh file with these vertices and triangles.
     pub fn add_surface(&mut self, name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) -> Result<()> {
         check_name("surface", name, self.surfaces.contains_key(name))?;
         self.surfaces.insert(name.into(), Arc::new(surface(name, vertices, triangles)?));
@@ -66,7 +64,7 @@ pub(super) fn surface(name: &str, vertices: Vec<DVec3>, triangles: &[[u32; 3]]) 
     check_indices(vertices.len(), triangles).map_err(|problem| wrong(format!("triangle {problem}")))?;
     let mut mesh = TriangleMesh { vertices, triangles: Vec::with_capacity(triangles.len()) };
     triangles.iter().for_each(|corners| triangulate(&mesh.vertices, corners, &mut mesh.triangles));
-    if obj::has_area(&mesh) { Ok(mesh) } else { Err(wrong("no triangle has any area".into())) }
+    if triangles::has_area(&mesh) { Ok(mesh) } else { Err(wrong("no triangle has any area".into())) }
 }
 
 /// Checks the tetrahedra of a layer and makes their mesh; errors show `name`.

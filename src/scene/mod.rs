@@ -16,6 +16,7 @@ pub(crate) mod check;
 mod cursor;
 #[doc(hidden)]
 pub mod dotted;
+mod gltf;
 #[doc(hidden)]
 pub mod gmsh;
 #[doc(hidden)]
@@ -33,6 +34,7 @@ mod model;
 mod names;
 #[doc(hidden)]
 pub mod obj;
+mod ply;
 #[doc(hidden)]
 pub mod preset;
 #[doc(hidden)]
@@ -40,6 +42,7 @@ pub mod profile;
 #[doc(hidden)]
 pub mod reference;
 mod skeleton;
+mod stl;
 mod support;
 #[cfg(test)]
 mod tests;
@@ -48,9 +51,14 @@ pub mod tetgen;
 #[doc(hidden)]
 pub mod tetrahedra;
 mod trajectory;
+#[doc(hidden)]
+pub mod triangles;
 mod triangulate;
 #[doc(hidden)]
+pub mod units;
+#[doc(hidden)]
 pub mod vtk;
+mod vtk_xml;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -261,7 +269,9 @@ pub struct Body {
     pub shape: Shape,
     /// Greatest number of collision proxies (convex hulls that cover the skin); `None`: the default number.
     pub hulls: Option<u32>,
-    /// Factor by which file coordinates are multiplied.
+    /// Length of the unit of file coordinates, m; `None`: the scene does not say, and metres are taken.
+    pub units: Option<f64>,
+    /// Factor by which file coordinates are multiplied besides.
     pub scale: f64,
     /// World position of the origin of file coordinates, m.
     pub position: DVec3,
@@ -302,6 +312,7 @@ impl Body {
             name: name.into(),
             shape,
             hulls: None,
+            units: None,
             scale: 1.0,
             position: DVec3::ZERO,
             orientation: DQuat::IDENTITY,
@@ -387,7 +398,7 @@ pub enum Shape {
 /// Where a skin comes from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Surface {
-    /// An OBJ file.
+    /// A file with a triangle mesh.
     File(PathBuf),
     /// A model that the engine generates.
     Model {
@@ -398,11 +409,11 @@ pub enum Surface {
     },
     /// A mesh in memory, see [`Surface::of_triangles`].
     #[doc(hidden)]
-    Mesh(Arc<obj::TriangleMesh>),
+    Mesh(Arc<triangles::TriangleMesh>),
 }
 
 impl Surface {
-    /// A surface in memory, which is treated like an OBJ file: vertices (m, before the body's scale), and triangles
+    /// A surface in memory, which is treated like a file: vertices (m, before the body's scale), and triangles
     /// that are counter-clockwise seen from outside.
     ///
     /// # Errors
@@ -589,7 +600,9 @@ pub struct Tool {
     pub orientation: DQuat,
     /// Initial velocity, world, m/s.
     pub velocity: DVec3,
-    /// Factor by which file coordinates are multiplied.
+    /// Length of the unit of file coordinates, m; `None`: the scene does not say, and metres are taken.
+    pub units: Option<f64>,
+    /// Factor by which file coordinates are multiplied besides.
     pub scale: f64,
     /// Whether a faulty surface is repaired; otherwise it is refused.
     pub repair: bool,
@@ -598,7 +611,7 @@ pub struct Tool {
 impl Tool {
     fn of(shape: ToolShape, mass: f64) -> Tool {
         let (position, orientation, velocity) = (DVec3::ZERO, DQuat::IDENTITY, DVec3::ZERO);
-        Tool { shape, mass, position, orientation, velocity, scale: 1.0, repair: true }
+        Tool { shape, mass, position, orientation, velocity, units: None, scale: 1.0, repair: true }
     }
 
     /// A sphere of this radius (m) and mass (kg), at the origin.

@@ -1,6 +1,4 @@
-//! Reads triangle meshes from Wavefront OBJ files and writes them. The files that are read hold the skin (surface mesh)
-//! of a body, or the surface of the tool (the rigid body that the haptic device leads). The files that are written hold
-//! skins as prepared for the simulation (repaired, for example), and skins as deformed at the end of a run.
+//! Reads triangle meshes from Wavefront OBJ files and writes them. The files that are written hold skins as prepared for the simulation (repaired, for example), and skins as deformed at the end of a run.
 //!
 //! The parser is our own, because the tobj crate drops unused vertices, orders the others by first use, does not
 //! support continuation lines (a line that ends in a backslash goes on in the next one) and reports no line numbers. A
@@ -12,51 +10,22 @@ use std::io::Write;
 use std::path::Path;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
+use super::triangles::{LARGEST, TriangleMesh};
 use super::triangulate::triangulate;
 use crate::{Error, Result, files};
 
 const REMEDY: &str = "give an OBJ file";
 
-/// Greatest magnitude of a coordinate: multiplied by up to 1e8 it is still finite in single precision.
-const LARGEST: f64 = 1e30;
-
-/// A triangle mesh as an OBJ file describes it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct TriangleMesh {
-    /// The positions of all `v` lines, used or not, in file order and in the coordinates of the file.
-    pub vertices: Vec<DVec3>,
-    /// Zero-based indices of the three vertices of each triangle. Triangles are in the order of the file's faces; a
-    /// face with more than three vertices gives several triangles.
-    pub triangles: Vec<[u32; 3]>,
-}
-
 /// Reads an OBJ file: polygons are cut into triangles, the groups and objects of the file are joined into one mesh, and
-/// vertices stay in file order.
-///
-/// In the result every coordinate is finite, every index is that of a vertex, and at least one triangle has an area
-/// above zero. [`crate::prepare::repair`] decides whether the surface can serve as a skin.
-pub fn read(path: &Path) -> Result<TriangleMesh> {
+/// vertices stay in file order. Every coordinate of the result is finite, and every index is that of a vertex.
+pub(super) fn read(path: &Path) -> Result<TriangleMesh> {
     let bytes = files::mesh(path, REMEDY)?;
-    let mesh = parse(&String::from_utf8_lossy(&bytes), path)?.mesh;
-    if has_area(&mesh) {
-        Ok(mesh)
-    } else {
-        Err(Error::input(path, None, "no face has any area", "export the surface again"))
-    }
-}
-
-/// Whether any triangle has an area above zero.
-pub(super) fn has_area(mesh: &TriangleMesh) -> bool {
-    mesh.triangles.iter().any(|corners| {
-        let [a, b, c] = corners.map(|vertex| mesh.vertices[vertex as usize]);
-        (b - a).cross(c - a).length_squared() > 0.0
-    })
+    Ok(parse(&String::from_utf8_lossy(&bytes), path)?.mesh)
 }
 
 /// Returns, for each triangle of an OBJ file, the one-based number of the line whose face contains the triangle.
-pub(crate) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
+pub(super) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
     let bytes = files::mesh(path, REMEDY)?;
     Ok(parse(&String::from_utf8_lossy(&bytes), path)?.lines)
 }

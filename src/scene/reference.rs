@@ -213,7 +213,7 @@ pub const CONTACT: TableKeys = TableKeys {
 pub const BODY: TableKeys = TableKeys {
     heading: "[[body]]",
     meaning: "A body: soft with a `layer`, rigid with a `surface` alone, or a `plane`. The file's units are those \
-             of the body's mesh files, which `scale` turns into metres; the body's pose comes after that.",
+             of the body's mesh files, which `units` and `scale` turn into metres; the body's pose comes after that.",
     keys: &[
         key(
             "name",
@@ -224,13 +224,14 @@ pub const BODY: TableKeys = TableKeys {
         ),
         key(
             "surface",
-            "`\"FILE.obj\"`, `{ model = .. }` or, from a program, `{ mesh = \"..\" }`",
+            "`\"FILE\"` (.obj, .stl, .ply, .gltf, .glb, .vtp, .vtu or .vtk), `{ model = .. }` or, from a program, \
+             `{ mesh = \"..\" }`",
             "(the layer's boundary)",
             "The skin: the surface mesh that touches and is seen. A body with a surface and no layer is rigid.",
         ),
         key(
             "layer",
-            "`{ cell = .. }`, `{ across = .. }`, `{ box = .. }`, `\"FILE\"` (.msh, .vtk, .node or .ele) or, from a \
+            "`{ cell = .. }`, `{ across = .. }`, `{ box = .. }`, `\"FILE\"` (.msh, .vtu, .vtk, .node or .ele) or, from a \
              program, `{ mesh = \"..\" }`",
             "(none: the body is rigid)",
             "The tetrahedral mesh of a soft body.",
@@ -248,11 +249,12 @@ pub const BODY: TableKeys = TableKeys {
             "Greatest number of collision proxies, convex hulls that cover the skin for the broad phase.",
         ),
         key(
-            "scale",
-            "> 0",
-            "1.0",
-            "Uniform scale of the file's coordinates, for example 0.001 for a file in millimetres.",
+            "units",
+            "`\"m\"`, `\"cm\"`, `\"mm\"` or `\"in\"`",
+            "(metres)",
+            "Unit of the file's coordinates. Without it, a note tells of a body above 10 m or below 1 mm.",
         ),
+        key("scale", "> 0", "1.0", "Uniform scale of the file's coordinates, besides `units`."),
         key("position", "[x, y, z], m", "[0.0, 0.0, 0.0]", "Where the file's origin lies in the world."),
         key("orientation", "[x, y, z, w], unit quaternion", "[0.0, 0.0, 0.0, 1.0]", "Orientation in the world."),
         key("velocity", "[x, y, z], m/s", "[0.0, 0.0, 0.0]", "Initial velocity."),
@@ -573,7 +575,12 @@ pub const TOOL: TableKeys = TableKeys {
     meaning: "The rigid body that the haptic device leads, or a body of the scene that it holds.",
     keys: &[
         key("sphere", "m, > 0", ONE_OF, "Radius of a sphere."),
-        key("surface", "`\"FILE.obj\"` or, from a program, `{ mesh = \"..\" }`", ONE_OF, "A closed surface mesh."),
+        key(
+            "surface",
+            "`\"FILE\"`, as of a body, or, from a program, `{ mesh = \"..\" }`",
+            ONE_OF,
+            "A closed surface mesh.",
+        ),
         key(
             "body",
             "a name",
@@ -585,7 +592,8 @@ pub const TOOL: TableKeys = TableKeys {
         key("position", "[x, y, z], m", "[0.0, 0.0, 0.0]", "Where the tool's centre of mass lies at the start."),
         key("orientation", "[x, y, z, w], unit quaternion", "[0.0, 0.0, 0.0, 1.0]", "Orientation at the start."),
         key("velocity", "[x, y, z], m/s", "[0.0, 0.0, 0.0]", "Velocity at the start."),
-        key("scale", "> 0", "1.0", "Uniform scale of the file's coordinates."),
+        key("units", "`\"m\"`, `\"cm\"`, `\"mm\"` or `\"in\"`", "(metres)", "Unit of the file's coordinates."),
+        key("scale", "> 0", "1.0", "Uniform scale of the file's coordinates, besides `units`."),
         key("repair", "true or false", "true", "Whether a faulty surface file is repaired; otherwise it is refused."),
     ],
 };

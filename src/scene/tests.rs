@@ -94,7 +94,7 @@ struct Folder(TempDir);
 impl Folder {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["head.obj", "head.msh", "head.vtk", "head.vtu", "head.node"] {
+        for name in ["head.obj", "head.msh", "head.vtk", "head.xdmf", "head.node"] {
             fs::write(folder.path().join(name), "").unwrap();
         }
         fs::write(folder.path().join("bones.toml"), BONES).unwrap();
@@ -303,7 +303,7 @@ fn what_does_not_fit_together_is_refused() {
     let folder = Folder::new();
     for (old, new, words) in [
         ("surface = \"head.obj\"", "surface = \"nose.obj\"", "`body.head.surface`: there is no file"),
-        ("{ cell = 0.01 }", "\"head.vtu\"", "files of type .vtu"),
+        ("{ cell = 0.01 }", "\"head.xdmf\"", "files of type .xdmf"),
         ("name = \"floor\"", "name = \"head\"", "\"head\" is taken"),
         ("name = \"floor\"", "name = \"tool\"", "\"tool\" is taken"),
         ("name = \"floor\"", "name = \"../floor\"", "cannot be a name"),

@@ -1,4 +1,4 @@
-//! Reads tetrahedral meshes of every supported format (Gmsh, TetGen, legacy VTK), and does the last step of each
+//! Reads tetrahedral meshes of every supported format (Gmsh, TetGen, VTK), and does the last step of each
 //! reader: node ids become indices, tetrahedra get positive volume, and invalid meshes are refused. A group is a set of
 //! tetrahedra that a file marks with a number; a scene can give each group a material of its own.
 
@@ -9,11 +9,12 @@ use glam::DVec3;
 
 use super::cursor::Cursor;
 use super::groups::{Groups, NodeGroup};
-use super::{gmsh, tetgen, vtk};
+use super::triangles::extension;
+use super::{gmsh, tetgen, vtk, vtk_xml};
 use crate::{Error, Result};
 
 /// Extensions of the files that [`read`] can read.
-pub const EXTENSIONS: [&str; 4] = ["msh", "node", "ele", "vtk"];
+pub const EXTENSIONS: [&str; 5] = ["msh", "node", "ele", "vtu", "vtk"];
 
 /// A tetrahedron counts as flat, and is refused, if its volume is at most this fraction of the cube of its longest
 /// edge. Even well above this fraction, the gradients of its shape functions at rest are mostly rounding error in
@@ -39,22 +40,23 @@ pub struct TetMesh {
 
 /// Returns the files that [`read`] reads for `path`: the file itself, or both files of a TetGen pair.
 pub fn files(path: &Path) -> Vec<PathBuf> {
-    match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
-        Some("node" | "ele") => ["node", "ele"].map(|extension| path.with_extension(extension)).to_vec(),
+    match extension(path).as_str() {
+        "node" | "ele" => ["node", "ele"].map(|extension| path.with_extension(extension)).to_vec(),
         _ => vec![path.to_path_buf()],
     }
 }
 
 /// Reads a mesh in the format that its extension names: Gmsh `.msh`, TetGen `.node` and `.ele` (either name reads both
-/// files), legacy VTK `.vtk`.
+/// files), VTK `.vtu` and legacy `.vtk`.
 ///
 /// The function refuses flat or repeated tetrahedra, nodes that do not exist, numbers that are not finite, and files
 /// that end early. The error names the line (of a text file) or the byte (of a binary file).
 pub fn read(path: &Path) -> Result<TetMesh> {
-    match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
-        Some("msh") => gmsh::read(path),
-        Some("node" | "ele") => tetgen::read(path),
-        Some("vtk") => vtk::read(path),
+    match extension(path).as_str() {
+        "msh" => gmsh::read(path),
+        "node" | "ele" => tetgen::read(path),
+        "vtu" => vtk_xml::read(path),
+        "vtk" => vtk::read(path),
         _ => {
             let remedy = format!("give .{}", EXTENSIONS.join(", ."));
             Err(Error::input(path, None, "has no extension of a supported tetrahedral mesh", remedy))

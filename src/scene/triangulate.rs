@@ -1,4 +1,4 @@
-//! Cuts the polygons of an OBJ file into triangles. A convex polygon is cut as a fan: all its triangles share one
+//! Cuts the polygons of a surface into triangles. A convex polygon is cut as a fan: all its triangles share one
 //! corner. Any other polygon is cut by ear clipping: an ear, that is, a convex corner whose triangle with its two
 //! neighbours contains no other corner, is cut off until the rest is convex.
 //!

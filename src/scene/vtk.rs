@@ -1,11 +1,12 @@
-//! Reads and writes tetrahedral meshes as legacy VTK unstructured grids. The files that are read hold the layer (the
-//! tetrahedral mesh) of a soft body. The files that are written hold a layer as it is deformed at the end of a run, for
-//! ParaView and similar programs.
+//! Reads and writes meshes as legacy VTK files. The files that are read hold the layer (the tetrahedral mesh) of a soft
+//! body, as an unstructured grid, or a surface, as polydata or as an unstructured grid. The files that are written hold
+//! a layer as it is deformed at the end of a run, for ParaView and similar programs.
 //!
 //! The format is described in "VTK File Formats", simple legacy formats. Versions 1 to 4 and 5.1 are read, as ASCII or
 //! as binary; binary numbers are always big-endian.
 
 mod data;
+pub(super) mod grid;
 
 use std::io::Write;
 use std::path::Path;
@@ -13,13 +14,13 @@ use std::path::Path;
 use glam::DVec3;
 
 use self::data::CellData;
+use self::grid::{Cells, Grid, LINE, POINTS, POLYGON, STRIP, TETRAHEDRON};
 use super::cursor::{self, Cursor, Order, short};
-use super::tetrahedra::{Contents, Element, TetMesh, settle};
+use super::tetrahedra::TetMesh;
+use super::triangles::TriangleFile;
 use crate::Result;
 
-const REMEDY: &str = "export the mesh again as a legacy VTK unstructured grid";
-/// Number by which VTK denotes the cell type of a four-node tetrahedron.
-const TETRAHEDRON: u64 = 10;
+const REMEDY: &str = "export the mesh again as a legacy VTK file";
 
 /// Reads the points and the four-node tetrahedra of an unstructured grid; other cells are left out and counted in the
 /// notes of the mesh. The group of a tetrahedron (a number by which a scene can give tetrahedra a material of their
@@ -32,28 +33,57 @@ pub fn read(path: &Path) -> Result<TetMesh> {
 /// Does what [`read`] does with the bytes of a file; messages name the file by `path`.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
     let mut cursor = Cursor::new(path, bytes, REMEDY);
-    header(&mut cursor)?;
-    let (mut file, mut cells, mut types) = (Contents::default(), Cells::default(), Vec::new());
+    grid(&mut cursor)?.into_layer(&cursor)
+}
+
+/// Reads the points of a surface and its triangles, quadrangles, polygons and triangle strips, which are cut into
+/// triangles; other cells are left out and counted in the notes.
+pub fn read_surface(path: &Path) -> Result<TriangleFile> {
+    let bytes = cursor::bytes(path)?;
+    let mut cursor = Cursor::new(path, &bytes, REMEDY);
+    grid(&mut cursor)?.into_surface(&cursor)
+}
+
+/// Reads the whole file.
+fn grid(cursor: &mut Cursor) -> Result<Grid> {
+    header(cursor)?;
+    let mut grid = Grid::default();
+    let mut is_polydata = false;
     let mut on_cells = CellData::default();
     while let Some(line) = cursor.next_filled() {
         let words: Vec<&str> = line.split_whitespace().collect();
-        match words[0].to_uppercase().as_str() {
-            "DATASET" if words.get(1).is_some_and(|kind| kind.eq_ignore_ascii_case("UNSTRUCTURED_GRID")) => {}
-            "DATASET" => return Err(cursor.error(format!("a dataset of type {}", short(words.get(1).unwrap_or(&""))))),
-            "POINTS" => points(&mut cursor, &words, &mut file)?,
-            "CELLS" => cells = Cells::read(&mut cursor, &words)?,
-            "CELL_TYPES" => {
-                for _ in 0..count(&cursor, &words, 1)? {
-                    types.push(natural(&mut cursor, 4, "a cell's type")?);
+        let keyword = words[0].to_uppercase();
+        match keyword.as_str() {
+            "DATASET" => match words.get(1).map(|kind| kind.to_uppercase()).as_deref() {
+                Some("UNSTRUCTURED_GRID") => is_polydata = false,
+                Some("POLYDATA") => is_polydata = true,
+                other => return Err(cursor.error(format!("a dataset of type {}", short(other.unwrap_or_default())))),
+            },
+            "POINTS" => points(cursor, &words, &mut grid)?,
+            "CELLS" if !is_polydata => grid.cells = Cells::read(cursor, &words)?,
+            "CELL_TYPES" if !is_polydata => {
+                for _ in 0..count(cursor, &words, 1)? {
+                    grid.types.push(natural(cursor, 4, "a cell's type")?);
                 }
             }
-            "FIELD" => field(&mut cursor, &words)?,
+            "VERTICES" | "LINES" | "POLYGONS" | "TRIANGLE_STRIPS" if is_polydata => {
+                let kind = match keyword.as_str() {
+                    "VERTICES" => POINTS,
+                    "LINES" => LINE,
+                    "POLYGONS" => POLYGON,
+                    _ => STRIP,
+                };
+                let cells = Cells::read(cursor, &words)?;
+                grid.types.resize(grid.types.len() + cells.count(), kind);
+                grid.cells.append(&cells);
+            }
+            "FIELD" => field(cursor, &words)?,
             "METADATA" => while cursor.next_line().is_some_and(|line| !line.is_empty()) {},
             // Data on points and cells are not part of the mesh, so errors in them do not prevent the mesh from being
             // read.
             "POINT_DATA" | "CELL_DATA" => {
-                if let Err(error) = on_cells.read(&mut cursor, &words) {
-                    file.notes.push(format!("data on points and cells were left out: {error}"));
+                if let Err(error) = on_cells.read(cursor, &words) {
+                    grid.notes.push(format!("data on points and cells were left out: {error}"));
                     on_cells = CellData::default();
                 }
                 break;
@@ -61,13 +91,8 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<TetMesh> {
             other => return Err(cursor.error(format!("unknown keyword \"{}\"", short(other)))),
         }
     }
-    if !on_cells.groups.is_empty() && on_cells.groups.len() != types.len() {
-        let (count, cells) = (on_cells.groups.len(), types.len());
-        file.notes.push(format!("data on cells were left out: they are for {count} cells, but there are {cells}"));
-        on_cells = CellData::default();
-    }
-    cells.elements(&cursor, (&types, &on_cells.groups), &mut file)?;
-    settle(file, &cursor)
+    grid.groups = on_cells.groups;
+    Ok(grid)
 }
 
 fn header(cursor: &mut Cursor) -> Result<()> {
@@ -117,7 +142,7 @@ fn size_of(cursor: &Cursor, kind: Option<&&str>) -> Result<usize> {
     }
 }
 
-fn points(cursor: &mut Cursor, words: &[&str], file: &mut Contents) -> Result<()> {
+fn points(cursor: &mut Cursor, words: &[&str], grid: &mut Grid) -> Result<()> {
     const WHAT: &str = "a point (x, y, z)";
     let kind = words.get(2).map(|kind| kind.to_lowercase());
     let is_double = match kind.as_deref() {
@@ -125,7 +150,7 @@ fn points(cursor: &mut Cursor, words: &[&str], file: &mut Contents) -> Result<()
         Some("float") => false,
         other => return Err(cursor.error(format!("unknown point type \"{}\"", short(other.unwrap_or_default())))),
     };
-    for id in 0..count(cursor, words, 1)? {
+    for _ in 0..count(cursor, words, 1)? {
         let mut point = [0.0; 3];
         for coordinate in &mut point {
             *coordinate = match (cursor.order, is_double) {
@@ -137,8 +162,7 @@ fn points(cursor: &mut Cursor, words: &[&str], file: &mut Contents) -> Result<()
                 (Some(_), false) => cursor.f32(WHAT)?,
             };
         }
-        let point = cursor.point(&point)?;
-        file.add_node(cursor, id, point)?;
+        grid.points.push(cursor.point(&point)?);
     }
     Ok(())
 }
@@ -159,103 +183,6 @@ fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// The corners of all cells, one cell after another.
-#[derive(Default)]
-struct Cells {
-    /// Index of each corner's point, and the byte offset of that index in the file.
-    corners: Vec<(u64, usize)>,
-    /// Index in `corners` of each cell's first corner; one more entry at the end is the number of all corners.
-    offsets: Vec<u64>,
-}
-
-impl Cells {
-    fn read(cursor: &mut Cursor, words: &[&str]) -> Result<Cells> {
-        let (cells, size) = (count(cursor, words, 1)?, count(cursor, words, 2)?);
-        if cursor.peek_word().eq_ignore_ascii_case("OFFSETS") {
-            return Cells::read_5(cursor, cells, size);
-        }
-        let mut read = Cells { corners: Vec::new(), offsets: vec![0] };
-        let mut numbers = 0_u64;
-        for cell in 0..cells {
-            let length = natural(cursor, 4, "the number of a cell's points")?;
-            numbers = numbers.saturating_add(length).saturating_add(1);
-            if numbers > size {
-                return Err(cursor.error(format!("cell {cell} goes beyond the {size} numbers of CELLS")));
-            }
-            for _ in 0..length {
-                read.corners.push((natural(cursor, 4, "a cell's point")?, cursor.mark()));
-            }
-            read.offsets.push(read.corners.len() as u64);
-        }
-        Ok(read)
-    }
-
-    /// Reads cells in the format of VTK 5.1 and later: first the offsets, one more than there are cells, and then the
-    /// corners. `offsets` and `corners` say how many there are of each.
-    fn read_5(cursor: &mut Cursor, offsets: u64, corners: u64) -> Result<Cells> {
-        let mut read = Cells::default();
-        for (keyword, count) in [("OFFSETS", offsets), ("CONNECTIVITY", corners)] {
-            let line = cursor.need(keyword)?;
-            let words: Vec<&str> = line.split_whitespace().collect();
-            if !words[0].eq_ignore_ascii_case(keyword) {
-                return Err(cursor.error(format!("found \"{}\" instead of {keyword}", short(words[0]))));
-            }
-            let bytes = size_of(cursor, words.get(1))?;
-            for _ in 0..count {
-                let number = natural(cursor, bytes, keyword)?;
-                match keyword {
-                    "OFFSETS" => read.offsets.push(number),
-                    _ => read.corners.push((number, cursor.mark())),
-                }
-            }
-        }
-        Ok(read)
-    }
-
-    /// Adds the tetrahedra among the cells, and counts the other cells by type.
-    fn elements(&self, cursor: &Cursor, (types, groups): (&[u64], &[i64]), file: &mut Contents) -> Result<()> {
-        let cells = self.offsets.len().saturating_sub(1);
-        if types.len() != cells {
-            return Err(cursor.error(format!("the file has {cells} cells, but {} cell types", types.len())));
-        }
-        for (id, (range, &kind)) in self.offsets.windows(2).zip(types).enumerate() {
-            let corners = self.corners.get(range[0] as usize..range[1] as usize);
-            let Some(corners) = corners else {
-                return Err(cursor.error(format!("the file does not give the corners of cell {id}")));
-            };
-            let (name, length) = kind_of(kind);
-            if length.is_some_and(|length| corners.len() != length) {
-                return Err(cursor.error(format!("cell {id} is one of the {name}, but has {} points", corners.len())));
-            }
-            match (kind, corners) {
-                (TETRAHEDRON, &[a, b, c, d]) => {
-                    let nodes = [a.0, b.0, c.0, d.0];
-                    file.elements.push(Element { id: id as u64, mark: a.1, nodes, group: groups.get(id).copied() });
-                }
-                _ => file.skip(&name),
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Returns the name of a VTK cell type, and its number of points if the type fixes that number.
-fn kind_of(kind: u64) -> (String, Option<usize>) {
-    let (name, length) = match kind {
-        1 => ("points", 1),
-        3 => ("lines", 2),
-        5 => ("triangles", 3),
-        9 => ("quadrangles", 4),
-        TETRAHEDRON => ("tetrahedra", 4),
-        12 => ("hexahedra", 8),
-        13 => ("prisms", 6),
-        14 => ("pyramids", 5),
-        24 => ("second-order tetrahedra", 10),
-        _ => return (format!("of VTK's type {kind}"), None),
-    };
-    (name.into(), Some(length))
 }
 
 /// Writes tetrahedra as a legacy VTK ASCII unstructured grid. Coordinates have so many digits that they are read back

@@ -28,7 +28,7 @@ pub fn probes_of(scene: &Scene, bodies: &[Body], model: &Model) -> Result<ProbeA
         let refuse = |problem: &str, remedy: &str| Error::key(&scene.file, &key, problem, remedy);
         let index = bodies.iter().position(|body| body.name == probe.body);
         let index = index.ok_or_else(|| refuse("no body has this name", "name a body of the scene"))?;
-        let target = probe.nearest * scene.bodies[index].scale;
+        let target = probe.nearest * scene.bodies[index].metres();
         let frame_first = model.body_frames[index] as usize;
         let skin = match &bodies[index].shape {
             Shape::Soft { skin, .. } | Shape::Rigid { skin, .. } => skin,

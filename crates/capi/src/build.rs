@@ -69,7 +69,7 @@ pub unsafe extern "C" fn palpate_scene_add(scene: *mut palpate_scene, text: *con
     })
 }
 
-/// Hands over a triangle surface in place of an OBJ file, under a name by which bodies and the tool refer to it.
+/// Hands over a triangle surface in place of a file, under a name by which bodies and the tool refer to it.
 /// `vertices`: 3 * `vertex_count` coordinates; multiplied by the body's `scale` they are in m. `triangles`: 3 *
 /// `triangle_count` vertex indices from 0; seen from outside, each triangle is counter-clockwise. Defects of the
 /// surface are repaired when bodies are prepared. The name must differ from those of other surfaces, and may be any

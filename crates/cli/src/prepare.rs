@@ -11,6 +11,8 @@ use glam::{DQuat, DVec3};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::internal::prepare::report::peak_memory;
 use palpate::internal::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
+use palpate::scene::triangles::EXTENSIONS;
+use palpate::scene::units::UNITS;
 use palpate::scene::{self, Material, MaterialLaw, Model, Surface, gmsh, obj};
 use palpate::{Error, Result, Scene};
 
@@ -28,12 +30,12 @@ const CELLS: u32 = 40;
 /// Options of `palpate prepare`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The surface: an OBJ file, or a built-in model (head, pumpkin, gear, human), as head or head:44000 (number of
-    /// vertices)
+    /// The surface: a file (OBJ, STL, PLY, glTF, VTP, VTU, VTK), or a built-in model (head, pumpkin, gear, human), as head
+    /// or head:44000 (number of vertices)
     surface: String,
-    /// Directory to write the body, its report and images into
+    /// Directory to write the body, its report and images into [default: the surface's name without its extension]
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: Option<PathBuf>,
     /// Edge of the lattice cells that are filled with tetrahedra, in the surface's units [default: a fortieth of the
     /// surface's largest extent]
     #[arg(long, value_name = "C", conflicts_with = "cells", value_parser = positive, allow_negative_numbers = true)]
@@ -50,7 +52,10 @@ pub struct Arguments {
     /// Greatest number of convex collision hulls
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(scene::MOST_HULLS)))]
     hulls: Option<u32>,
-    /// Factor from the surface's units to metres
+    /// Unit of the surface's lengths [default: m]
+    #[arg(long, value_name = "U", value_parser = unit)]
+    units: Option<f64>,
+    /// Factor by which the surface's lengths are multiplied besides
     #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     scale: f64,
     /// Refuse a surface with defects, instead of repairing it
@@ -71,6 +76,11 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
+fn unit(text: &str) -> std::result::Result<f64, String> {
+    let unit = UNITS.iter().find(|(name, _)| *name == text);
+    unit.map(|(_, metres)| *metres).ok_or_else(|| format!("give {}", UNITS.map(|(name, _)| name).join(", ")))
+}
+
 fn grade(text: &str) -> std::result::Result<u32, String> {
     let grade = text.parse().ok().filter(|grade| [1, 2, 4, 8].contains(grade));
     grade.ok_or_else(|| "give 1, 2, 4 or 8".into())
@@ -82,12 +92,13 @@ fn grade(text: &str) -> std::result::Result<u32, String> {
 pub fn quietly(surface: &Path, out: &Path, watch: &mut dyn FnMut(&str)) -> Result<()> {
     let arguments = Arguments {
         surface: surface.to_string_lossy().into_owned(),
-        out: out.into(),
+        out: Some(out.into()),
         cell: None,
         cells: CELLS,
         grade: 1,
         thickness: None,
         hulls: None,
+        units: None,
         scale: 1.0,
         no_repair: false,
         no_pictures: true,
@@ -118,7 +129,8 @@ fn depths_of(arguments: &Arguments, layer: &Layer, skin: &Skin) -> Result<Vec<f6
 pub fn prepare(arguments: &Arguments) -> Result<()> {
     let scene = scene_of(arguments)?;
     // A directory that cannot be written is an error before the work begins, not after it.
-    let mut output = Output::create(&arguments.out)?;
+    let out = out_of(arguments);
+    let mut output = Output::create(&out)?;
     let bar = progress();
     let cache = if arguments.no_cache { Cache::off() } else { Cache::of_user() };
     let (body, mut report) = prepare::body_and_report(&scene.bodies[0], &scene, &cache, &mut |stage| {
@@ -147,15 +159,23 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     output.write("report.txt", |w| write_text(w, report))?;
     output.commit()?;
     bar.finish_and_clear();
-    print(&format!("{report}{}: run it with: palpate run {}\n", arguments.out.display(), run_path(arguments)))
+    let scene = out.join("scene.toml");
+    print(&format!("{report}{}: run it with: palpate run {}\n", out.display(), scene.display()))
 }
 
 fn write_text(w: &mut impl std::io::Write, report: &Report) -> std::io::Result<()> {
     write!(w, "{report}")
 }
 
-fn run_path(arguments: &Arguments) -> String {
-    arguments.out.join("scene.toml").display().to_string()
+/// The directory that is written.
+fn out_of(arguments: &Arguments) -> PathBuf {
+    let stem = || Path::new(stem(&arguments.surface)).file_stem().unwrap_or_default().into();
+    arguments.out.clone().unwrap_or_else(stem)
+}
+
+/// The name of a model without the number of its vertices, or a file's name.
+fn stem(surface: &str) -> &str {
+    surface.split(':').next().unwrap_or_default()
 }
 
 /// A scene of one soft body, made from the options.
@@ -166,13 +186,14 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
         Some(cell) => scene::Layer::Cell { cell, grade, thickness },
         None => scene::Layer::Across { cells, grade, thickness },
     };
-    let stem = arguments.surface.split(':').next().map(Path::new).and_then(Path::file_stem);
+    let stem = Path::new(stem(&arguments.surface)).file_stem();
     let name: String = stem.unwrap_or_default().to_string_lossy().chars().filter(|c| is_plain(*c)).collect();
     let body = scene::Body {
         name: if name.is_empty() || name == "tool" { "body".into() } else { name },
         shape: scene::Shape::Soft { surface: Some(surface), layer },
         hulls: arguments.hulls,
         repair: !arguments.no_repair,
+        units: arguments.units,
         scale: arguments.scale,
         position: DVec3::ZERO,
         orientation: DQuat::IDENTITY,
@@ -219,10 +240,10 @@ pub fn surface_of(text: &str) -> Result<Surface> {
     }
     let path = PathBuf::from(text);
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    if extension != "obj" {
-        let models = Model::ALL.map(Model::name).join(", ");
-        let remedy = format!("give an .obj file, or a model: {models}, such as head or head:44000");
-        return Err(Error::input(&path, None, "neither an OBJ file nor a model", remedy));
+    if !EXTENSIONS.contains(&extension.as_str()) {
+        let (models, extensions) = (Model::ALL.map(Model::name).join(", "), EXTENSIONS.join(", ."));
+        let remedy = format!("give .{extensions}, or a model: {models}, such as head or head:44000");
+        return Err(Error::input(&path, None, "neither a file with a surface nor a model", remedy));
     }
     Ok(Surface::File(path))
 }

@@ -11,7 +11,7 @@ use palpate::internal::prepare::{self, Body, Shape};
 use palpate::internal::query::QuerySettings;
 use palpate::internal::query::{Answer, Timing};
 use palpate::internal::stages::POSE_TO_CONTACT;
-use palpate::scene::{self, Surface, obj};
+use palpate::scene::{self, Surface, triangles};
 use palpate::{Error, Options, Query, QueryContact, Result, Scene};
 
 use crate::prepare::surface_of;
@@ -28,7 +28,7 @@ const REPORT: &str = "query.json";
 /// Options of `palpate query`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The first surface: an OBJ file, or a built-in model (head, pumpkin, gear, human), as head or head:44000 (number
+    /// The first surface: a file (OBJ, STL, PLY, glTF, VTP, VTU, VTK), or a built-in model (head, pumpkin, gear, human), as head or head:44000 (number
     /// of vertices)
     a: String,
     /// The second surface
@@ -170,6 +170,7 @@ impl Part {
             name: "body".into(),
             shape: scene::Shape::Rigid { surface: surface.clone() },
             hulls: None,
+            units: None,
             scale: 1.0,
             position: DVec3::ZERO,
             orientation: DQuat::IDENTITY,
@@ -189,7 +190,9 @@ impl Part {
         let scene = Scene::of_body(text, body);
         let body = prepare::body(&scene.bodies[0], &scene).map_err(|error| of_file(error, text))?;
         let origins = match &surface {
-            Surface::File(path) => repair::origins(&obj::read(path)?).map_err(|refusal| refusal.error(path))?,
+            Surface::File(path) => {
+                repair::origins(&triangles::read(path)?.mesh).map_err(|refusal| refusal.error(path))?
+            }
             Surface::Model { .. } | Surface::Mesh(_) => Vec::new(),
         };
         Ok(Part { surface: text.into(), body, origins })

@@ -99,6 +99,12 @@ fn mistakes_in_a_scene() {
         ),
         ("\"k\\u001b[31m\" = 3\n".into(), "unknown key `k\\u{1b}[31m`"),
         (body.replace("cube.obj", "."), "is a folder, not a file"),
+        (body.replace("cube.obj", "cube.step"), "there is no file"),
+        (format!("{body}units = \"km\"\n"), "`body.a.units`: there is no unit of length \"km\"; known: m, cm, mm, in"),
+        (
+            "[tool]\nsphere = 0.01\nmass = 0.1\nunits = \"mm\"\n".into(),
+            "`tool.units`: has no meaning together with `sphere`",
+        ),
         ("\u{0}\u{1}".into(), "not TOML"),
         (String::new(), "neither a body nor a tool"),
         (
@@ -288,9 +294,9 @@ fn what_is_most_likely_a_mistake_is_noted() {
         assert!(output.status.success() && said.contains(words), "expected `{words}` in: {said}");
     };
     let body = soft("surface = \"cube.obj\"", "{ cell = 0.5 }");
-    let large = "note: `body.a`: the body is 1.000e2 m across; if its lengths are in millimetres, give scale = 0.1";
+    let large = "note: `body.a`: the body is 1.000e2 m across; if its lengths are in millimetres, give units = \"mm\"";
     note(&body.replace("surface", "scale = 100.0\nsurface"), large);
-    note(&body.replace("surface", "scale = 1e-5\nsurface"), "the body is 1.000e-5 m across; give a `scale`");
+    note(&body.replace("surface", "scale = 1e-5\nsurface"), "the body is 1.000e-5 m across; give `units`");
     note(&format!("{body}[step]\ndt = 2\n"), "note: `step.dt`: a step of 2 s leaves out");
 }
 

@@ -154,10 +154,12 @@ fn what_cannot_be_prepared_is_refused_in_one_line_and_leaves_nothing() {
     fs::write(&flat, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n").unwrap();
     fs::write(folder.path().join("a.stl"), "solid").unwrap();
     let missing = folder.path().join("missing.obj");
-    let stl = folder.path().join("a.stl");
-    let cases: [(&[&str], &str); 9] = [
+    let (stl, step) = (folder.path().join("a.stl"), folder.path().join("a.step"));
+    let cases: [(&[&str], &str); 11] = [
         (&[missing.to_str().unwrap()], "missing.obj: cannot be read"),
-        (&[stl.to_str().unwrap()], "neither an OBJ file nor a model"),
+        (&[stl.to_str().unwrap()], "a.stl:1: the file ends early, before `endsolid`"),
+        (&[step.to_str().unwrap()], "neither a file with a surface nor a model; give .obj, .stl, .ply"),
+        (&["head:1500", "--units", "ft"], "give m, cm, mm, in"),
         (&[flat.to_str().unwrap()], "flat.obj"),
         (&["heart:1000"], "or a model: head, pumpkin, gear, human"),
         (&["head:12"], "give 500 to 400000"),
@@ -173,5 +175,30 @@ fn what_cannot_be_prepared_is_refused_in_one_line_and_leaves_nothing() {
         assert_eq!(output.status.code(), Some(2), "palpate prepare {arguments:?} printed: {error}");
         assert!(error.contains(words) && error.lines().count() == 1, "{arguments:?}: wrong error: {error}");
         assert!(!out.exists(), "palpate prepare {arguments:?} made the output directory");
+    }
+}
+
+/// Formats of surfaces, units, and the folder that is written where no other is given.
+#[test]
+fn a_surface_in_millimetres_is_prepared_without_more_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/surface_files");
+    for (name, units, metres) in
+        [("trimesh.stl", "mm", 1e-3), ("vtk-big.ply", "cm", 1e-2), ("trimesh.glb", "in", 0.0254), ("vtk.vtu", "m", 1.0)]
+    {
+        fs::copy(files.join(name), folder.path().join(name)).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+        command.args(["prepare", name, "--units", units, "--cells", "4", "--no-pictures"]);
+        let output =
+            command.current_dir(folder.path()).env("PALPATE_CACHE", folder.path().join("cache")).output().unwrap();
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let stem = name.split('.').next().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(said.contains(&format!("palpate run {stem}/scene.toml")), "{name}: {said}");
+        let report: Value =
+            serde_json::from_slice(&fs::read(folder.path().join(stem).join("report.json")).unwrap()).unwrap();
+        let volume = report["skin"]["volume_m3"].as_f64().unwrap() / (6.0 * f64::powi(metres, 3));
+        assert!((volume - 1.0).abs() < 1e-6, "{name} in {units}: {volume} of the volume");
+        assert_eq!(report["notes"], serde_json::json!([]), "{name}");
     }
 }

@@ -292,7 +292,7 @@ fn bad_input_is_one_line_and_leaves_nothing() {
         (&[&a], "<B>"),
         (&[&a, &missing], "c.obj: cannot be read"),
         (&[&text, &b], "text.obj:1: a vertex with 2 coordinates"),
-        (&[&a, "head.stl"], "neither an OBJ file nor a model"),
+        (&[&a, "head.step"], "neither a file with a surface nor a model"),
         (&[&a, "head:5"], "is not a valid number of vertices"),
         (&[&a, &b, "--pose-b", "1,2,3"], "give 7 numbers"),
         (&[&a, &b, "--pose-b", "-1,2,3,x,0,0,1"], "give 7 numbers"),
@@ -310,7 +310,7 @@ fn bad_input_is_one_line_and_leaves_nothing() {
         (&[&a, &b, "--poseb", "0,0,0,0,0,0,1"], "--poseb"),
         (&[&a, &b, "--device", ""], "--device"),
         (&[&a, &b, "c"], "unexpected argument"),
-        (&["", &b], "neither an OBJ file nor a model"),
+        (&["", &b], "neither a file with a surface nor a model"),
     ];
     let out = case.path("made/out");
     for (arguments, words) in cases {

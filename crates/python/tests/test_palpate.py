@@ -286,6 +286,26 @@ def test_pictures_show_the_body(pressed: Simulation, tmp_path: Path) -> None:
         pressed.picture(show=["everything"])
 
 
+def test_what_meshio_reads_is_a_surface_or_a_layer(tmp_path: Path) -> None:
+    corners = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    squares = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    faces = [(a, b, c) for a, b, c, _ in squares] + [(a, c, d) for a, _, c, d in squares]
+    lines = [f"OFF\n8 {len(faces)} 0"] + [" ".join(map(str, corner)) for corner in corners]
+    (tmp_path / "cube.off").write_text("\n".join(lines + [f"3 {a} {b} {c}" for a, b, c in faces]))
+    cube = palpate.read_mesh(tmp_path / "cube.off")
+    assert cube.points.shape == (8, 3) and cube.triangles.shape == (12, 3) and len(cube.tetrahedra) == 0
+    a, b, c = (cube.points[cube.triangles[:, k]] for k in range(3))
+    assert np.isclose(np.einsum("ij,ij->", a, np.cross(b, c)) / 6, 1.0)
+    tables = {"body": [{"name": "cube", "surface": {"mesh": "cube"}, "units": "cm"}]}
+    assert palpate.Scene(tables, surfaces={"cube": cube.surface}).bodies == ["cube"]
+    (tmp_path / "bad.off").write_text("OFF\n1 1")
+    with pytest.raises(palpate.InputError, match="bad.off: meshio cannot read it"):
+        palpate.read_mesh(tmp_path / "bad.off")
+    (tmp_path / "none.xyz").write_text("0 0 0")
+    with pytest.raises(palpate.InputError, match="none.xyz"):
+        palpate.read_mesh(tmp_path / "none.xyz")
+
+
 def test_a_surface_is_prepared_and_filmed(tmp_path: Path) -> None:
     ball = Path(__file__).parents[3] / "docs/tutorials/ball.obj"
     scene = palpate.prepare(ball, tmp_path / "ball", cells=8)

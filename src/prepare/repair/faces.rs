@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::report::{Count, RepairReport};
 use super::topology::Edges;
 use super::{Refusal, points};
-use crate::scene::obj::TriangleMesh;
+use crate::scene::triangles::TriangleMesh;
 
 /// Greatest allowed magnitude of a coordinate: a product of four lengths must not overflow single precision (3.4e38).
 const LARGEST_COORDINATE: f64 = 1e9;

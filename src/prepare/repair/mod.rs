@@ -7,8 +7,7 @@
 //! that coincide at open edges, removes degenerate and duplicate faces, orients faces and pieces outwards, tolerates
 //! holes, non-manifold edges and self-intersections, and refuses a surface without an inside. It counts all findings
 //! and changes in a [`RepairReport`]. [`strict`] runs the same code and refuses a surface with a defect. Vertices keep
-//! their order and number: a vertex of the skin has the index of its `v` line in the file, and only the faces' indices
-//! change.
+//! their order and number: a vertex of the skin has the index that it has in the file, and only the faces' indices change.
 
 mod faces;
 mod intersections;
@@ -23,7 +22,7 @@ use glam::DVec3;
 pub use outside::closed;
 pub use report::{Count, Intersections, RepairReport};
 
-use crate::scene::obj::{self, TriangleMesh};
+use crate::scene::triangles::{self, TriangleMesh};
 use crate::{Error, Result};
 use faces::Faces;
 
@@ -54,7 +53,7 @@ impl Refusal {
 
 /// The one-based line of the file from which a triangle was read.
 fn line_of(path: &Path, triangle: usize) -> Option<usize> {
-    obj::triangle_lines(path).ok()?.get(triangle).map(|&line| line as usize)
+    triangles::lines(path)?.get(triangle).map(|&line| line as usize)
 }
 
 /// Makes a skin of a mesh in file coordinates, in this order:
@@ -124,16 +123,16 @@ pub fn origins(mesh: &TriangleMesh) -> std::result::Result<Vec<Origin>, Refusal>
     Ok(faces.origin.iter().enumerate().map(origin).collect())
 }
 
-/// Reads an OBJ file. If `mends` is true, the surface is repaired, otherwise it is refused if it has a defect.
+/// Reads a file. If `mends` is true, the surface is repaired, otherwise it is refused if it has a defect.
 pub fn read(path: &Path, mends: bool) -> Result<(TriangleMesh, RepairReport)> {
-    let mesh = obj::read(path)?;
+    let mesh = triangles::read(path)?.mesh;
     let made = if mends { repair(mesh) } else { strict(mesh) };
     made.map_err(|refusal| refusal.error(path))
 }
 
 /// The changes that the repair made, one sentence each for the user: `FILE:LINE: sentence`.
 pub fn notes(report: &RepairReport, path: &Path) -> Vec<String> {
-    let lines = if report.is_clean() { None } else { obj::triangle_lines(path).ok() };
+    let lines = if report.is_clean() { None } else { triangles::lines(path) };
     let line = |triangle: usize| lines.as_ref()?.get(triangle).copied();
     let note = |(first, text): (Option<usize>, String)| {
         let place = first.and_then(line).map(|line| format!(":{line}")).unwrap_or_default();

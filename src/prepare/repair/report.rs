@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Refusal;
-use crate::scene::obj::TriangleMesh;
+use crate::scene::triangles::TriangleMesh;
 
 /// Number of occurrences of a defect, and the first triangle that has it (index in the file, from 0).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -141,10 +141,7 @@ impl Integer {
             let word = cursor.word(WHAT)?;
             return cursor.parse(word, WHAT);
         }
-        // Binary numbers of the legacy VTK format are always big-endian.
-        let raw = cursor.take(self.bytes, WHAT)?;
-        let start = if self.signed && raw[0] >= 0x80 { -1 } else { 0 };
-        Ok(raw.iter().fold(start, |number, &byte| (number << 8) | i64::from(byte)))
+        cursor.integer(self.bytes, self.signed, WHAT)
     }
 }
 

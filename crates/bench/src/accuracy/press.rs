@@ -80,6 +80,7 @@ impl Press {
             position: start,
             orientation: DQuat::IDENTITY,
             velocity: DVec3::ZERO,
+            units: None,
             scale: 1.0,
             repair: true,
         };
@@ -118,6 +119,7 @@ impl Press {
             name: "block".into(),
             shape: scene::Shape::Soft { surface: None, layer: Layer::Box { low, high, cells: self.cells } },
             hulls: None,
+            units: None,
             scale: 1.0,
             position,
             orientation: DQuat::IDENTITY,

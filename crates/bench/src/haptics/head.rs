@@ -34,6 +34,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
             layer: Layer::Cell { cell: settings.cell, grade: 1, thickness: None },
         },
         hulls: None,
+        units: None,
         scale: 1.0,
         position: DVec3::ZERO,
         orientation: DQuat::IDENTITY,
@@ -56,6 +57,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
         position: centre,
         orientation: DQuat::IDENTITY,
         velocity: DVec3::ZERO,
+        units: None,
         scale: 1.0,
         repair: true,
     };

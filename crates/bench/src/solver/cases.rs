@@ -117,6 +117,7 @@ impl Mesh {
             shape: scene::Shape::Soft { surface, layer },
             // Nothing touches the body, so that one collision proxy (convex hull) is enough.
             hulls: Some(1),
+            units: None,
             scale: 1.0,
             position: DVec3::ZERO,
             orientation: DQuat::IDENTITY,

@@ -194,6 +194,7 @@ impl Setup {
             position: at(start),
             orientation: DQuat::IDENTITY,
             velocity: -sphere.speed * DVec3::Y,
+            units: None,
             scale: 1.0,
             repair: true,
         });
@@ -220,6 +221,7 @@ impl Setup {
             name: "block".into(),
             shape: Shape::Soft { surface: None, layer },
             hulls: Some(1),
+            units: None,
             scale: 1.0,
             position: self.origin,
             orientation: DQuat::IDENTITY,

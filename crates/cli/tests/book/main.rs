@@ -30,7 +30,7 @@ use pulldown_cmark::{CodeBlockKind, Event, Parser, Tag, TagEnd};
 /// Files and folders of the repository that are linked into the folder in which a page's commands run.
 const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-tests", "Cargo.toml", "README.md"];
 /// Number of rings, number of sectors, and radius (m) of the sphere that stands in for a mesh of the reader's own,
-/// which the pages call `my-organ.obj` (coordinates in metres) and `my-organ-mm.obj` (in millimetres).
+/// which the pages call `my-organ.obj` (coordinates in metres) and `my-organ.stl` (in millimetres).
 const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
 /// Seconds after which a block is ended.
 const PATIENCE: &str = "600";
@@ -130,6 +130,19 @@ fn organ(scale: f64) -> String {
     text
 }
 
+/// The triangles of an OBJ file as an STL file.
+fn stl(obj: &str) -> String {
+    let lines = |keyword: &'static str| obj.lines().filter_map(move |line| line.strip_prefix(keyword));
+    let vertices: Vec<&str> = lines("v ").collect();
+    let mut text = String::from("solid organ\n");
+    for face in lines("f ") {
+        let corners = face.split(' ').map(|corner| vertices[corner.parse::<usize>().unwrap() - 1]);
+        let corners: String = corners.map(|corner| format!("vertex {corner}\n")).collect();
+        writeln!(text, "facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet").unwrap();
+    }
+    text + "endsolid organ\n"
+}
+
 /// Writes scripts that stand in for programs that the commands call, into `bin`, which is first on the path, and into
 /// `folder`:
 /// - `palpate` is the program of this build; its subcommand `view` ends after a second, since nobody closes its window;
@@ -200,7 +213,7 @@ fn run(page: &Page, display: &Display, cache: &Path) -> Result<(), String> {
         symlink(root().canonicalize().unwrap().join(name), folder.join(name)).unwrap();
     }
     fs::write(folder.join("my-organ.obj"), organ(1.0)).unwrap();
-    fs::write(folder.join("my-organ-mm.obj"), organ(1e3)).unwrap();
+    fs::write(folder.join("my-organ.stl"), stl(&organ(1e3))).unwrap();
     stand_ins(&folder, &bin);
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
     for block in &page.blocks {

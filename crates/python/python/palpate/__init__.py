@@ -22,6 +22,7 @@ from .errors import (
 )
 from .flags import Flags
 from .identify import Estimate, Fit, fit
+from .mesh_file import MeshFile, read_mesh
 from .native import __version__
 from .plain import Floats, Indices
 from .program import film, prepare
@@ -55,6 +56,7 @@ __all__ = [
     "Indices",
     "InputError",
     "Material",
+    "MeshFile",
     "OutOfMemoryError",
     "OutputError",
     "Overlap",
@@ -79,6 +81,7 @@ __all__ = [
     "film",
     "fit",
     "prepare",
+    "read_mesh",
     "shipped_scenes",
     "sweep",
 ]

@@ -12,6 +12,7 @@ def prepare(
     surface: str | os.PathLike[str],
     out: str | os.PathLike[str],
     *,
+    units: str = "m",
     scale: float = 1.0,
     cells: int = 40,
 ) -> Scene:
@@ -19,15 +20,17 @@ def prepare(
     into it.
 
     Args:
-        surface: An OBJ file.
+        surface: A file: OBJ, STL, PLY, glTF, VTP, VTU or legacy VTK.
         out: Folder that gets ``scene.toml``, the body's meshes, a report and a picture.
-        scale: Metres per unit of the file: 0.001 for millimetres.
+        units: Unit of the file: ``"m"``, ``"cm"``, ``"mm"`` or ``"in"``.
+        scale: Factor by which the file's lengths are multiplied besides.
         cells: Number of lattice cells, which are filled with tetrahedra, along the body's largest extent.
 
     Returns:
         The scene that was written.
     """
-    words = ["prepare", os.fspath(surface), "--out", os.fspath(out), "--scale", repr(float(scale)), "--cells", str(cells)]
+    words = ["prepare", os.fspath(surface), "--out", os.fspath(out), "--units", units]
+    words += ["--scale", repr(float(scale)), "--cells", str(cells)]
     native.command(words)
     return Scene.load(Path(out) / "scene.toml")
 

@@ -8,10 +8,10 @@ use super::super::*;
 use super::{Mesh, check, uniform};
 use crate::prepare::embed;
 use crate::prepare::tests::real_meshes::meshes;
-use crate::scene::{Model, obj};
+use crate::scene::{Model, triangles};
 
 fn real(folder: &std::path::Path, name: &str) -> Mesh {
-    let mesh = obj::read(&folder.join(format!("surf/{name}.obj"))).unwrap();
+    let mesh = triangles::read(&folder.join(format!("surf/{name}.obj"))).unwrap().mesh;
     (mesh.vertices, mesh.triangles)
 }
 
@@ -29,7 +29,7 @@ fn files_with_defects_are_filled_soundly_or_refused() {
     let mut filled = 0;
     for path in files.iter().filter(|p| p.extension().is_some_and(|e| e == "obj")) {
         let name = path.file_name().unwrap().to_string_lossy();
-        let mesh = match obj::read(path) {
+        let mesh = match triangles::read(path).map(|file| file.mesh) {
             Ok(mesh) => (mesh.vertices, mesh.triangles),
             Err(error) => {
                 println!("{name} cannot be read: {error}");

@@ -116,6 +116,7 @@ impl Press {
             position: start,
             orientation: DQuat::IDENTITY,
             velocity: DVec3::ZERO,
+            units: None,
             scale: 1.0,
             repair: true,
         };
@@ -163,6 +164,7 @@ impl Press {
             name: "body".into(),
             shape: scene::Shape::Soft { surface, layer },
             hulls,
+            units: None,
             scale: 1.0,
             position: DVec3::ZERO,
             orientation: DQuat::IDENTITY,

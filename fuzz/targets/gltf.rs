@@ -1,0 +1,7 @@
+//! Surfaces: glTF files, as text and binary.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use palpate_fuzz::surface;
+
+fuzz_target!(|bytes: &[u8]| surface("mesh.glb", bytes));

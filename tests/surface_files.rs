@@ -1,0 +1,186 @@
+//! Tests of the readers of surfaces: files that other tools wrote (tests/surface_files) must give the box that was put
+//! into them, and damaged ones an error of one line with its place.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use palpate::internal::prepare::repair::repair;
+use palpate::scene::triangles::{TriangleFile, TriangleMesh, read};
+
+/// Volume of the box in all files, m^3.
+const VOLUME: f64 = 6.0;
+/// Tolerance of the volume, as a share.
+const SINGLE: f64 = 1e-6;
+/// The same for the ASCII PLY file of Open3D, which gives coordinates with six digits.
+const SIX_DIGITS: f64 = 5e-6;
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/surface_files")
+}
+
+/// All files of surfaces, by name.
+fn files() -> Vec<PathBuf> {
+    let all = fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path());
+    let is_surface = |path: &PathBuf| path.extension().is_some_and(|extension| extension != "bin" && extension != "md");
+    let mut files: Vec<PathBuf> = all.filter(is_surface).collect();
+    files.sort();
+    files
+}
+
+fn volume(mesh: &TriangleMesh) -> f64 {
+    let corners = |triangle: &[u32; 3]| triangle.map(|vertex| mesh.vertices[vertex as usize]);
+    mesh.triangles.iter().map(corners).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
+}
+
+/// Reads bytes as a file of this name, beside which are the buffers of the glTF files.
+fn read_bytes(name: &str, bytes: &[u8]) -> Result<TriangleFile, String> {
+    let beside = tempfile::tempdir().unwrap();
+    let path = beside.path().join(name);
+    fs::write(&path, bytes).unwrap();
+    if name.ends_with(".gltf") {
+        for entry in fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap()) {
+            if entry.path().extension().is_some_and(|extension| extension == "bin") {
+                fs::copy(entry.path(), beside.path().join(entry.file_name())).unwrap();
+            }
+        }
+    }
+    read(&path).map_err(|error| error.to_string())
+}
+
+#[test]
+fn what_other_tools_write_is_the_box_that_was_put_in() {
+    let files = files();
+    assert_eq!(files.len(), 52);
+    for path in files {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let TriangleFile { mesh, notes } = read(&path).unwrap();
+        // Gmsh cuts the box's faces otherwise; glTF repeats vertices where normals differ, which the repair joins.
+        let is_gmsh = name.starts_with("gmsh");
+        let wanted = if is_gmsh { (12, 20) } else { (8, 12) };
+        let found = (mesh.vertices.len(), mesh.triangles.len());
+        let repeats = matches!(&*name, "blender.glb" | "blender.gltf");
+        assert_eq!(found, if repeats { (24, 12) } else { wanted }, "vertices and triangles of {name}");
+        let tolerance = if name == "open3d-ascii.ply" { SIX_DIGITS } else { SINGLE };
+        let off = (volume(&mesh) / VOLUME - 1.0).abs();
+        assert!(off <= tolerance, "the volume of {name} is off by {off}");
+        assert_eq!(notes.len(), usize::from(name == "gmsh.vtk"), "notes of {name}: {notes:?}");
+        let (mended, report) = repair(mesh).unwrap();
+        assert_eq!((report.triangles_kept, mended.triangles.len()), (wanted.1, wanted.1));
+        assert!(report.is_clean() || repeats, "defects of {name}: {report:?}");
+        let used: std::collections::BTreeSet<u32> = mended.triangles.iter().flatten().copied().collect();
+        assert_eq!(used.len(), wanted.0, "vertices of {name} after the repair");
+    }
+}
+
+/// A file that is cut off is refused, wherever it is cut; only white space at its end may be missing.
+#[test]
+fn a_file_cut_anywhere_is_refused() {
+    for path in files() {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let bytes = fs::read(&path).unwrap();
+        let whole = bytes.trim_ascii_end().len();
+        let is_text = bytes.is_ascii();
+        for length in (0..whole).step_by(1 + whole / 60).chain([whole - 1]) {
+            let Err(said) = read_bytes(&name, &bytes[..length]) else {
+                // Text that ends within its last number, within the name of a solid, or within data that belong to no
+                // face, may still be a mesh.
+                let lost = whole - length;
+                let is_named = name.ends_with(".stl") && bytes[..length].windows(8).any(|word| word == b"endsolid");
+                let ends = is_named || lost < 600 && ends_in_data(&name);
+                assert!(is_text && ends, "{name} cut to {length} of {whole} bytes");
+                continue;
+            };
+            assert!(is_one_line(&said) && said.contains(&name), "{name} cut to {length} bytes: {said}");
+        }
+    }
+}
+
+/// Whether a format ends with numbers, or with data that a surface does not need.
+fn ends_in_data(name: &str) -> bool {
+    name.ends_with(".ply") || name.ends_with(".vtk")
+}
+
+fn is_one_line(said: &str) -> bool {
+    !said.is_empty() && !said.contains(char::is_control)
+}
+
+/// Whatever a byte is changed to, there is a mesh with valid indices or an error of one line.
+#[test]
+fn no_byte_makes_a_reader_panic() {
+    for path in files() {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let bytes = fs::read(&path).unwrap();
+        for place in (0..bytes.len()).step_by(1 + bytes.len() / 150) {
+            for value in [0, 0x20, 0x39, 0xff] {
+                let mut damaged = bytes.clone();
+                damaged[place] = value;
+                match read_bytes(&name, &damaged) {
+                    Err(said) => assert!(is_one_line(&said), "{name}, byte {place} set to {value}: {said:?}"),
+                    Ok(TriangleFile { mesh, .. }) => {
+                        let count = mesh.vertices.len() as u32;
+                        assert!(mesh.vertices.iter().all(|vertex| vertex.is_finite()), "{name}, byte {place}");
+                        assert!(mesh.triangles.iter().flatten().all(|vertex| *vertex < count), "{name}, byte {place}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Text with each `(old, new)` replaced once; a part that is not there fails the test.
+fn changed(name: &str, changes: &[(&str, &str)]) -> Vec<u8> {
+    let mut text = String::from_utf8(fs::read(folder().join(name)).unwrap()).unwrap();
+    for (old, new) in changes {
+        assert!(text.contains(old), "{name} has no \"{old}\"");
+        text = text.replacen(old, new, 1);
+    }
+    text.into_bytes()
+}
+
+/// A file, what is replaced in it, and words of the error.
+type Case = (&'static str, &'static [(&'static str, &'static str)], &'static [&'static str]);
+
+#[test]
+fn damage_is_named_with_its_place() {
+    let ply = "trimesh-ascii.ply";
+    let stl = "vtk-ascii.stl";
+    let vtp = "vtk-ascii.vtp";
+    let gltf = "open3d.gltf";
+    let cases: &[Case] = &[
+        (stl, &[("vertex ", "vertex x")], &[":4:", "is not valid for a triangle's corner"]),
+        (stl, &[("vertex ", "vertex nan ")], &[":4:", "not a finite number"]),
+        (stl, &[("endloop", "")], &["the last facet has no `endloop`"]),
+        (stl, &[("endsolid", "")], &["before `endsolid`"]),
+        (stl, &[("facet", "face")], &[":2:", "unknown keyword \"face\""]),
+        (ply, &[("ply\n", "plx\n")], &[":1:", "found \"plx\""]),
+        (ply, &[("format ascii 1.0\n", "")], &["no line \"format\""]),
+        (ply, &[("float x", "half x")], &["unknown type \"half\""]),
+        (ply, &[("property float z", "property float w")], &["no coordinate z"]),
+        (ply, &[("\n3 ", "\n3 -")], &["a face has an index that is none"]),
+        (ply, &[("\n3 ", "\n3 9")], &["names vertex 9", "8 vertices"]),
+        (ply, &[("\n3 ", "\n9 ")], &["the line ends early"]),
+        (ply, &[("element face 12", "element face 13")], &["the file ends early"]),
+        (ply, &[("element face 12", "element face 0")], &["has no faces"]),
+        (vtp, &[("PolyData", "RectilinearGrid")], &[":1:", "a file of type \"RectilinearGrid\""]),
+        (vtp, &[("NumberOfPoints=\"8\"", "NumberOfPoints=\"9\"")], &["24 coordinates for 9 points"]),
+        (vtp, &[("Name=\"connectivity\"", "Name=\"c\"")], &["has no array \"connectivity\""]),
+        (vtp, &[("</Polys>", "</Poly>")], &["is no XML"]),
+        (vtp, &[("<VTKFile", "<!DOCTYPE a [<!ENTITY a \"&a;\">]><VTKFile")], &["is no XML"]),
+        (gltf, &[("\"primitives\"", "\"primitive\"")], &["is no glTF file", "missing field"]),
+        (
+            gltf,
+            &[("\"asset\"", "\"extensionsRequired\":[\"KHR_draco_mesh_compression\"],\"asset\"")],
+            &["KHR_draco_mesh_compression"],
+        ),
+        (gltf, &[("base64,", "base64,!")], &["buffer 0 is no valid base64"]),
+        (gltf, &[("\"componentType\": 5126", "\"componentType\": 5123")], &["not three floats"]),
+        (gltf, &[("\"uri\": \"data:", "\"uri\": \"none")], &["cannot be read"]),
+        (gltf, &[("\"byteLength\": 264", "\"byteLength\": 265")], &["is cut off"]),
+        ("blender.gltf", &[("blender.bin", "absent.bin")], &["absent.bin", "cannot be read", "keep it beside"]),
+    ];
+    for &(name, changes, words) in cases {
+        let said = read_bytes(name, &changed(name, changes)).map(|_| ()).unwrap_err();
+        assert!(is_one_line(&said), "{name}, {changes:?}: {said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{name}, {changes:?}, expected {words:?}: {said}");
+    }
+}
