@@ -127,6 +127,44 @@ fn no_byte_makes_a_reader_panic() {
     }
 }
 
+/// A binary STL file may begin with the word by which text begins, and have bytes after its last triangle.
+#[test]
+fn a_binary_stl_file_may_begin_like_a_text() {
+    let mut bytes = fs::read(folder().join("vtk.stl")).unwrap();
+    bytes[..80].fill(b' ');
+    bytes[..9].copy_from_slice(b"solid box");
+    let whole = read_bytes("a.stl", &bytes).unwrap();
+    assert_eq!((whole.mesh.vertices.len(), whole.mesh.triangles.len(), whole.notes.len()), (8, 12, 0));
+    bytes.extend([0; 7]);
+    let more = read_bytes("a.stl", &bytes).unwrap();
+    assert_eq!(more.mesh, whole.mesh);
+    assert_eq!(more.notes, ["7 bytes after the last triangle were left out"]);
+}
+
+/// Several pieces are one mesh; what is no face is counted, and polygons of any size are cut into triangles.
+#[test]
+fn pieces_and_polygons() {
+    let array = |name: &str, numbers: &str| format!("<DataArray type=\"Int64\" Name=\"{name}\">{numbers}</DataArray>");
+    let piece = |x: i32, cells: &str| {
+        let points: String = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(y, z)| format!("{x} {y} {z} ")).concat();
+        format!(
+            "<Piece NumberOfPoints=\"4\"><Points><DataArray type=\"Float32\" NumberOfComponents=\"3\">\n\
+             <InformationKey name=\"a\"/>{points}</DataArray></Points>{cells}</Piece>"
+        )
+    };
+    let square = format!("<Polys>{}{}</Polys>", array("connectivity", "0 1 2 3"), array("offsets", "4"));
+    let line = format!("<Lines>{}{}</Lines>", array("connectivity", "0 1"), array("offsets", "2"));
+    let text = format!(
+        "<VTKFile type=\"PolyData\"><PolyData>{}{}</PolyData></VTKFile>",
+        piece(0, &square),
+        piece(2, &format!("{line}{square}"))
+    );
+    let read = read_bytes("two.vtp", text.as_bytes()).unwrap();
+    assert_eq!(read.mesh.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]);
+    assert_eq!(read.mesh.vertices[6].to_array(), [2.0, 1.0, 1.0]);
+    assert_eq!(read.notes, ["cells that are no faces were left out: 1 lines of several points"]);
+}
+
 /// Text with each `(old, new)` replaced once; a part that is not there fails the test.
 fn changed(name: &str, changes: &[(&str, &str)]) -> Vec<u8> {
     let mut text = String::from_utf8(fs::read(folder().join(name)).unwrap()).unwrap();

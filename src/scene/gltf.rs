@@ -18,6 +18,9 @@ const DATA: &str = "data:";
 /// Beginnings of the names of extensions that do not change where triangles are.
 const HARMLESS: [&str; 4] = ["KHR_materials_", "KHR_lights_", "KHR_texture_", "EXT_texture_"];
 
+/// Greatest number of triangles; each node of a file may repeat a whole mesh.
+const MOST: usize = 50_000_000;
+
 /// The JSON of a file, as far as it is needed.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -307,6 +310,9 @@ impl<'a> Reader<'a> {
             _ => indices.chunks(3).try_for_each(|triangle| polygons.add(triangle)),
         };
         added.map_err(|problem| self.error(format!("a mesh {problem}")))?;
+        if self.mesh.triangles.len() + indices.len() > MOST {
+            return Err(self.error(format!("has more than {MOST} triangles in all, since nodes repeat meshes")));
+        }
         let (first, is_mirrored) = (self.mesh.vertices.len() as u32, placed.determinant() < 0.0);
         let TriangleMesh { vertices, triangles } = polygons.into_mesh();
         self.mesh.vertices.extend(vertices);

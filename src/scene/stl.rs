@@ -3,7 +3,7 @@
 //!
 //! The format is 3D Systems' "StereoLithography Interface Specification" (1988), as Burns, "Automated Fabrication"
 //! (1993) quotes it. A binary file has 80 bytes of any text, the number of triangles, and 50 bytes for each; a file
-//! that begins with `solid` and has another length is text.
+//! that begins with `solid`, has another length, and soon goes on with `facet` or `endsolid` is text.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -18,6 +18,8 @@ const REMEDY: &str = "export the surface as STL again";
 /// Bytes of a binary file before its first triangle, and of each triangle.
 const HEAD: usize = 84;
 const TRIANGLE: usize = 50;
+/// Bytes within which the name of a text's first solid ends.
+const NAMED: usize = 1024;
 
 /// Reads an STL file.
 pub(super) fn read(path: &Path) -> Result<TriangleFile> {
@@ -25,7 +27,7 @@ pub(super) fn read(path: &Path) -> Result<TriangleFile> {
     let mut cursor = Cursor::new(path, &bytes, REMEDY);
     let told = bytes.get(HEAD - 4..HEAD).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let length = told.map(|count| HEAD as u64 + TRIANGLE as u64 * u64::from(count));
-    let is_text = bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    let is_text = is_text(&bytes);
     match (told, length) {
         (Some(count), Some(length)) if length == bytes.len() as u64 || !is_text => {
             binary(&mut cursor, count, length, bytes.len() as u64)
@@ -34,6 +36,13 @@ pub(super) fn read(path: &Path) -> Result<TriangleFile> {
         _ => Err(cursor
             .error_of_file("is no STL file: it neither begins with `solid` nor has a binary file's 84 bytes", REMEDY)),
     }
+}
+
+/// Whether a file begins like a text; binary files may begin with `solid` too.
+fn is_text(bytes: &[u8]) -> bool {
+    let begin = bytes[..bytes.len().min(NAMED)].trim_ascii_start().to_ascii_lowercase();
+    let has = |word: &[u8]| begin.windows(word.len()).any(|window| window == word);
+    begin.starts_with(b"solid") && (bytes.len() < HEAD || has(b"facet") || has(b"endsolid"))
 }
 
 fn binary(cursor: &mut Cursor, count: u32, length: u64, found: u64) -> Result<TriangleFile> {

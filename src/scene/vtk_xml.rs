@@ -190,9 +190,10 @@ impl<'a> File<'a> {
         let kind = node.attribute("type").unwrap_or_default();
         let kind =
             Kind::named(kind).ok_or_else(|| wrong(format!("is of the unknown type \"{}\"", kind.escape_debug())))?;
+        let text = || node.children().filter_map(|child| child.text().filter(|_| child.is_text())).collect::<String>();
         match node.attribute("format").unwrap_or("ascii") {
             "ascii" => {
-                let text = node.text().unwrap_or_default();
+                let text = text();
                 let number = |word: &str| {
                     word.parse()
                         .map_err(|_| wrong(format!("has \"{}\", which is no number", super::cursor::short(word))))
@@ -200,7 +201,7 @@ impl<'a> File<'a> {
                 text.split_whitespace().map(number).collect()
             }
             "binary" => {
-                let mut text = node.text().unwrap_or_default().as_bytes().to_vec();
+                let mut text = text().into_bytes();
                 text.retain(|byte| !byte.is_ascii_whitespace());
                 self.encoding.numbers(kind, &Appended::Base64(&text), 0).map_err(wrong)
             }
