@@ -50,7 +50,7 @@ fn read_bytes(name: &str, bytes: &[u8]) -> Result<TriangleFile, String> {
 #[test]
 fn what_other_tools_write_is_the_box_that_was_put_in() {
     let files = files();
-    assert_eq!(files.len(), 52);
+    assert_eq!(files.len(), 50);
     for path in files {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let TriangleFile { mesh, notes } = read(&path).unwrap();
@@ -141,6 +141,32 @@ fn a_binary_stl_file_may_begin_like_a_text() {
     assert_eq!(more.notes, ["7 bytes after the last triangle were left out"]);
 }
 
+/// Files of a few bytes that would need much stack, memory or time.
+#[test]
+fn what_would_take_too_much_is_refused() {
+    let deep = format!("<VTKFile type=\"PolyData\">{}{}</VTKFile>", "<a>".repeat(20_000), "</a>".repeat(20_000));
+    assert!(read_bytes("deep.vtp", deep.as_bytes()).unwrap_err().contains("within more than a hundred others"));
+    let points = "0 0 0\n".repeat(5000);
+    let corners: String = (0..5000).map(|corner| format!(" {corner}")).collect();
+    let polygon = format!(
+        "ply\nformat ascii 1.0\nelement vertex 5000\nproperty float x\nproperty float y\nproperty float z\n\
+         element face 1\nproperty list int int vertex_indices\nend_header\n{points}5000{corners}\n"
+    );
+    assert!(read_bytes("large.ply", polygon.as_bytes()).unwrap_err().contains("at most 4096"));
+    let node = "{\"mesh\":0},".repeat(20_000);
+    let nodes: Vec<String> = (0..20_000).map(|node| node.to_string()).collect();
+    let many = format!(
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"scenes\":[{{\"nodes\":[{}]}}],\"nodes\":[{}],\"meshes\":[{{\"primitives\":\
+         [{{\"attributes\":{{\"POSITION\":0}}}}]}}],\"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":3000,\
+         \"type\":\"VEC3\"}}],\"bufferViews\":[{{\"buffer\":0,\"byteLength\":36000}}],\"buffers\":[{{\"byteLength\":36000,\
+         \"uri\":\"data:application/octet-stream;base64,{}\"}}]}}",
+        nodes.join(","),
+        node.trim_end_matches(','),
+        "A".repeat(48_000)
+    );
+    assert!(read_bytes("many.gltf", many.as_bytes()).unwrap_err().contains("since nodes repeat meshes"));
+}
+
 /// Several pieces are one mesh; what is no face is counted, and polygons of any size are cut into triangles.
 #[test]
 fn pieces_and_polygons() {
@@ -163,6 +189,23 @@ fn pieces_and_polygons() {
     assert_eq!(read.mesh.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]);
     assert_eq!(read.mesh.vertices[6].to_array(), [2.0, 1.0, 1.0]);
     assert_eq!(read.notes, ["cells that are no faces were left out: 1 lines of several points"]);
+    // An empty piece has no array of points; cells may neither leave corners over nor name points of other pieces.
+    let empty = "<Piece NumberOfPoints=\"0\"><Points/></Piece>";
+    assert_eq!(
+        read_bytes("e.vtp", text.replacen("<Piece", &format!("{empty}<Piece"), 1).as_bytes()).unwrap().mesh,
+        read.mesh
+    );
+    for (old, new, words) in [
+        ("0 1 2 3<", "0 1 2 3 0<", "do not lead through its 5 corners"),
+        ("0 1 2 3<", "0 1 2 4<", "names point 4, but its piece has 4"),
+    ] {
+        let said = read_bytes("w.vtp", text.replacen(old, new, 1).as_bytes()).unwrap_err();
+        assert!(said.contains(words) && said.contains("w.vtp:"), "expected {words}: {said}");
+    }
+    let facets = fs::read_to_string(folder().join("vtk-ascii.stl")).unwrap();
+    let (name, rest) = facets.split_once('\n').unwrap();
+    let lines = format!("\u{feff}{name}\n{}", rest.replace('\n', " ").replace(" endsolid", "\nendsolid"));
+    assert_eq!(read_bytes("lines.stl", lines.as_bytes()).unwrap().mesh.triangles.len(), 12);
 }
 
 /// Text with each `(old, new)` replaced once; a part that is not there fails the test.

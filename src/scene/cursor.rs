@@ -16,6 +16,9 @@ use crate::{Error, Result, files};
 /// coordinate may be multiplied by 1e8 without overflow.
 const LARGEST: f64 = 1e30;
 
+/// With what some editors begin a text.
+pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// Byte order of binary numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Order {
@@ -40,7 +43,11 @@ pub(super) struct Cursor<'a> {
 
 /// Reads all bytes of a mesh file.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>> {
-    files::mesh(path, "give a mesh file")
+    let mut bytes = files::mesh(path, "give a mesh file")?;
+    if bytes.starts_with(BYTE_ORDER_MARK) {
+        bytes.drain(..BYTE_ORDER_MARK.len());
+    }
+    Ok(bytes)
 }
 
 /// Shortens a word to 40 characters and escapes it, for use in a message.

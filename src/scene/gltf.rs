@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DQuat, DVec3};
 use serde::Deserialize;
 
-use super::triangles::{LARGEST, Polygons, TriangleFile, TriangleMesh};
+use super::cursor::BYTE_ORDER_MARK;
+use super::triangles::{LARGEST, MOST_TRIANGLES, Polygons, TriangleFile, TriangleMesh};
 use crate::{Error, Result, files};
 
 const REMEDY: &str = "export the surface as glTF again, without compression";
@@ -17,9 +18,6 @@ const REMEDY: &str = "export the surface as glTF again, without compression";
 const DATA: &str = "data:";
 /// Beginnings of the names of extensions that do not change where triangles are.
 const HARMLESS: [&str; 4] = ["KHR_materials_", "KHR_lights_", "KHR_texture_", "EXT_texture_"];
-
-/// Greatest number of triangles; each node of a file may repeat a whole mesh.
-const MOST: usize = 50_000_000;
 
 /// The JSON of a file, as far as it is needed.
 #[derive(Deserialize)]
@@ -160,7 +158,7 @@ fn open(path: &Path) -> Result<(Root, Option<Vec<u8>>)> {
     let bytes = files::mesh(path, "give a glTF file")?;
     let (json, binary) = match bytes.starts_with(b"glTF") {
         true => chunks(&bytes).map_err(|problem| wrong(path, problem))?,
-        false => (&bytes[..], None),
+        false => (bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes), None),
     };
     let root: Root = serde_json::from_slice(json).map_err(|error| {
         let line = (error.line() > 0 && binary.is_none()).then_some(error.line());
@@ -218,7 +216,7 @@ pub(super) fn read(path: &Path) -> Result<TriangleFile> {
 }
 
 fn read_buffers(path: &Path, root: &Root, mut binary: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>> {
-    let mut buffers = Vec::new();
+    let (mut buffers, mut sum) = (Vec::new(), 0);
     for (k, buffer) in root.buffers.iter().enumerate() {
         let bytes = match &buffer.uri {
             None => binary.take().ok_or_else(|| wrong(path, format!("has no data for buffer {k}")))?,
@@ -232,6 +230,10 @@ fn read_buffers(path: &Path, root: &Root, mut binary: Option<Vec<u8>>) -> Result
         let (found, told) = (bytes.len(), buffer.byte_length);
         if found < told {
             return Err(wrong(path, format!("buffer {k} is cut off: it has {found} bytes instead of {told}")));
+        }
+        sum += bytes.len() as u64;
+        if sum > files::MOST_MESH {
+            return Err(wrong(path, format!("has buffers of more than {} MiB", files::MOST_MESH >> 20)));
         }
         buffers.push(bytes);
     }
@@ -260,6 +262,9 @@ impl<'a> Reader<'a> {
     /// Adds all meshes of the default scene, or of the first.
     fn scene(&mut self) -> Result<()> {
         let root = self.root;
+        if root.scenes.is_empty() {
+            return Err(self.error("has no scene, which would say where its meshes are"));
+        }
         let scene = self.item(&root.scenes, root.scene.unwrap_or_default(), "scene")?;
         // Nodes that are still to be visited, the next one last, each with the place of what is above it.
         let mut open: Vec<(usize, DMat4)> = scene.nodes.iter().rev().map(|node| (*node, DMat4::IDENTITY)).collect();
@@ -293,6 +298,12 @@ impl<'a> Reader<'a> {
             self.left_out.push("morph targets were");
         }
         let position = primitive.attributes.position.ok_or_else(|| self.error("a mesh has no positions"))?;
+        let count = self.item(&self.root.accessors, position, "accessor")?.count;
+        if self.mesh.vertices.len().saturating_add(count) > MOST_TRIANGLES {
+            return Err(
+                self.error(format!("has more than {MOST_TRIANGLES} vertices in all, since nodes repeat meshes"))
+            );
+        }
         let vertices = self.positions(position, placed)?;
         let indices: Vec<u64> = match primitive.indices {
             Some(indices) => self.indices(indices)?,
@@ -310,8 +321,10 @@ impl<'a> Reader<'a> {
             _ => indices.chunks(3).try_for_each(|triangle| polygons.add(triangle)),
         };
         added.map_err(|problem| self.error(format!("a mesh {problem}")))?;
-        if self.mesh.triangles.len() + indices.len() > MOST {
-            return Err(self.error(format!("has more than {MOST} triangles in all, since nodes repeat meshes")));
+        if self.mesh.triangles.len() + indices.len() > MOST_TRIANGLES {
+            return Err(
+                self.error(format!("has more than {MOST_TRIANGLES} triangles in all, since nodes repeat meshes"))
+            );
         }
         let (first, is_mirrored) = (self.mesh.vertices.len() as u32, placed.determinant() < 0.0);
         let TriangleMesh { vertices, triangles } = polygons.into_mesh();

@@ -79,26 +79,40 @@ fn text(cursor: &mut Cursor) -> Result<TriangleFile> {
     // The corners of the triangle that is being read, and whether the file has ended its last solid.
     let (mut triangle, mut is_open): (Vec<u32>, bool) = (Vec::new(), false);
     while let Some(line) = cursor.next_filled() {
-        let mut words = line.split_whitespace();
-        let keyword = words.next().unwrap_or_default().to_lowercase();
-        match keyword.as_str() {
-            "solid" => is_open = true,
-            "endsolid" => is_open = false,
-            "facet" | "outer" if triangle.is_empty() => {}
-            "vertex" => {
-                let point: Vec<f64> = words.map(|word| cursor.parse(word, CORNER)).collect::<Result<_>>()?;
-                triangle.push(corners.vertex(cursor.point(&point)?));
-            }
-            "endloop" => match triangle[..] {
-                [a, b, c] => {
-                    corners.mesh.triangles.push([a, b, c]);
-                    triangle.clear();
+        let mut words = line.split_whitespace().peekable();
+        while let Some(word) = words.next() {
+            match word.to_lowercase().as_str() {
+                // The rest of the line is a name.
+                "solid" => {
+                    is_open = true;
+                    break;
                 }
-                _ => return Err(cursor.error(format!("a facet has {} corners instead of three", triangle.len()))),
-            },
-            "endfacet" if triangle.is_empty() => {}
-            "facet" | "outer" | "endfacet" => return Err(cursor.error("the last facet has no `endloop`")),
-            other => return Err(cursor.error(format!("unknown keyword \"{}\"", short(other)))),
+                "endsolid" => {
+                    is_open = false;
+                    break;
+                }
+                "facet" if triangle.is_empty() => {
+                    if words.next_if(|word| word.eq_ignore_ascii_case("normal")).is_some() {
+                        words.by_ref().take(3).for_each(drop);
+                    }
+                }
+                "outer" if triangle.is_empty() => drop(words.next_if(|word| word.eq_ignore_ascii_case("loop"))),
+                "vertex" => {
+                    let point: Vec<f64> =
+                        words.by_ref().take(3).map(|word| cursor.parse(word, CORNER)).collect::<Result<_>>()?;
+                    triangle.push(corners.vertex(cursor.point(&point)?));
+                }
+                "endloop" => match triangle[..] {
+                    [a, b, c] => {
+                        corners.mesh.triangles.push([a, b, c]);
+                        triangle.clear();
+                    }
+                    _ => return Err(cursor.error(format!("a facet has {} corners instead of three", triangle.len()))),
+                },
+                "endfacet" if triangle.is_empty() => {}
+                "facet" | "outer" | "endfacet" => return Err(cursor.error("the last facet has no `endloop`")),
+                other => return Err(cursor.error(format!("unknown keyword \"{}\"", short(other)))),
+            }
         }
     }
     if is_open || !triangle.is_empty() {

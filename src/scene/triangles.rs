@@ -17,6 +17,11 @@ pub const EXTENSIONS: [&str; 8] = ["obj", "stl", "ply", "gltf", "glb", "vtp", "v
 /// Greatest magnitude of a coordinate: multiplied by up to 1e8 it is still finite in single precision.
 pub(super) const LARGEST: f64 = 1e30;
 
+/// Greatest number of triangles, and of vertices, of a file that repeats its data; others are limited by their size.
+pub(super) const MOST_TRIANGLES: usize = 10_000_000;
+/// Greatest number of corners of a polygon; cutting a concave one takes time in proportion to its square.
+const MOST_CORNERS: usize = 4096;
+
 /// A triangle mesh.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
@@ -56,7 +61,7 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
 ///
 /// In the result every coordinate is finite, every index is that of a vertex, and at least one triangle has an area
 /// above zero. [`crate::prepare::repair`] decides whether the surface can serve as a skin. An error names the line (of a
-/// text file) or the byte (of a binary file).
+/// text file), the byte (of a binary file) or the element.
 pub fn read(path: &Path) -> Result<TriangleFile> {
     let file = match extension(path).as_str() {
         "obj" => TriangleFile { mesh: obj::read(path)?, notes: Vec::new() },
@@ -105,6 +110,9 @@ impl Polygons {
 
     /// Adds a polygon, cut into triangles. The caller puts the polygon before the error's text.
     pub fn add(&mut self, corners: &[u64]) -> std::result::Result<(), String> {
+        if corners.len() > MOST_CORNERS {
+            return Err(format!("has {} vertices; at most {MOST_CORNERS} are cut into triangles", corners.len()));
+        }
         let corners = self.checked(corners)?;
         triangulate(&self.mesh.vertices, &corners, &mut self.mesh.triangles);
         Ok(())

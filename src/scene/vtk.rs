@@ -167,10 +167,21 @@ fn points(cursor: &mut Cursor, words: &[&str], grid: &mut Grid) -> Result<()> {
     Ok(())
 }
 
+/// The line that begins an array of a `FIELD`, after what the file tells of the array before.
+fn array_line<'a>(cursor: &mut Cursor<'a>) -> Result<&'a str> {
+    loop {
+        let line = cursor.need("an array of a FIELD")?;
+        if !line.eq_ignore_ascii_case("METADATA") {
+            return Ok(line);
+        }
+        while cursor.next_line().is_some_and(|line| !line.is_empty()) {}
+    }
+}
+
 /// Skips the arrays of a `FIELD` section, which hold data about the whole grid.
 fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
     for _ in 0..count(cursor, words, 2)? {
-        let line = cursor.need("an array of a FIELD")?;
+        let line = array_line(cursor)?;
         let words: Vec<&str> = line.split_whitespace().collect();
         let numbers = count(cursor, &words, 1)?.saturating_mul(count(cursor, &words, 2)?);
         if cursor.order.is_some() {

@@ -3,7 +3,7 @@
 //!
 //! The format is described in "VTK File Formats", XML formats; that binary arrays have one header for each array, and
 //! compressed ones a table of their blocks, in vtkXMLWriter of VTK itself. Arrays may be text, base64 in their place, or
-//! appended as base64 or raw bytes; compressed by zlib, LZ4 or LZMA, or not.
+//! appended as base64 or raw bytes; compressed by zlib or LZ4, or not.
 
 mod array;
 
@@ -15,11 +15,11 @@ use roxmltree::{Document, Node};
 use self::array::{Appended, Encoding, Kind};
 use super::cursor::{self, Cursor};
 use super::tetrahedra::TetMesh;
-use super::triangles::{LARGEST, TriangleFile};
+use super::triangles::{LARGEST, MOST_TRIANGLES, TriangleFile};
 use super::vtk::grid::{Cells, Grid, LINE, POINTS, POLYGON, STRIP};
 use crate::{Error, Result};
 
-const REMEDY: &str = "save the mesh as VTK XML again";
+const REMEDY: &str = "save the mesh as VTK XML again, with zlib or without compression";
 /// Name of the data on cells that give the groups.
 const GROUP: &str = "group";
 /// The elements of polydata that have cells, and the types of these.
@@ -45,6 +45,9 @@ fn grid(path: &Path, bytes: &[u8]) -> Result<Grid> {
         return Err(Error::input(path, None, "ends early, before </VTKFile>", REMEDY));
     }
     let text = if data.is_some() { format!("{text}</AppendedData></VTKFile>") } else { text.into() };
+    if array::is_deep(text.as_bytes()) {
+        return Err(Error::input(path, None, "has elements within more than a hundred others", REMEDY));
+    }
     let document = Document::parse(&text)
         .map_err(|error| Error::input(path, Some(error.pos().row as usize), format!("is no XML: {error}"), REMEDY))?;
     let mut file = File { path, document: &document, encoding: Encoding::default(), appended: None };
@@ -98,14 +101,18 @@ impl<'a> File<'a> {
             if kind == "PolyData" {
                 for (name, of) in FACES {
                     let Some(node) = piece.children().find(|node| node.has_tag_name(name)) else { continue };
-                    let cells = self.cells(node, first)?;
+                    let cells = self.cells(node, first, grid.points.len())?;
+                    let told = piece.attribute(format!("NumberOf{name}").as_str()).map(str::trim);
+                    if told.is_some_and(|told| told != cells.count().to_string()) {
+                        return Err(self.error(node, format!("{} cells, but NumberOf{name} differs", cells.count())));
+                    }
                     grid.types.resize(grid.types.len() + cells.count(), of);
                     grid.cells.append(&cells);
                 }
                 continue;
             }
             let node = self.child(piece, "Cells")?;
-            let cells = self.cells(node, first)?;
+            let cells = self.cells(node, first, grid.points.len())?;
             let types = self.wholes(self.named(node, "types")?)?;
             let (count, found) = (cells.count(), types.len());
             if count != found {
@@ -115,7 +122,12 @@ impl<'a> File<'a> {
             grid.cells.append(&cells);
             match self.groups(piece, count) {
                 Ok(Some(groups)) if has_groups => grid.groups.extend(groups),
-                Ok(_) => has_groups = false,
+                Ok(_) => {
+                    if !grid.groups.is_empty() {
+                        grid.notes.push("groups were left out: some pieces have none".into());
+                    }
+                    has_groups = false;
+                }
                 Err(error) => {
                     has_groups = false;
                     grid.notes.push(format!("data on cells were left out: {error}"));
@@ -140,6 +152,9 @@ impl<'a> File<'a> {
     }
 
     fn points(&self, piece: Node, grid: &mut Grid) -> Result<()> {
+        if piece.attribute("NumberOfPoints").is_some_and(|count| count.trim() == "0") {
+            return Ok(());
+        }
         let node = self.child(self.child(piece, "Points")?, "DataArray")?;
         let numbers = self.numbers(node)?;
         let told = piece.attribute("NumberOfPoints").and_then(|count| count.trim().parse::<usize>().ok());
@@ -151,11 +166,13 @@ impl<'a> File<'a> {
             return Err(self.error(node, format!("point {} has a coordinate that is not finite, or too large", k / 3)));
         }
         grid.points.extend(numbers.chunks(3).map(DVec3::from_slice));
-        Ok(())
+        let few = grid.points.len() <= MOST_TRIANGLES && grid.cells.corners.len() <= 3 * MOST_TRIANGLES;
+        few.then_some(())
+            .ok_or_else(|| self.error(node, "has too many points or cells in all, since pieces repeat data"))
     }
 
-    /// The cells of an element; the indices of their points begin at `first`.
-    fn cells(&self, node: Node, first: u64) -> Result<Cells> {
+    /// The cells of an element; the indices of their points begin at `first` and end before `end`.
+    fn cells(&self, node: Node, first: u64, end: usize) -> Result<Cells> {
         let has_none = !node.children().any(|child| child.has_tag_name("DataArray"));
         if has_none {
             return Ok(Cells::default());
@@ -163,7 +180,14 @@ impl<'a> File<'a> {
         let corners = self.wholes(self.named(node, "connectivity")?)?;
         let mut offsets = vec![0];
         offsets.extend(self.wholes(self.named(node, "offsets")?)?);
-        Ok(Cells { corners: corners.into_iter().map(|corner| (first.saturating_add(corner), 0)).collect(), offsets })
+        let corners: Vec<_> = corners.into_iter().map(|corner| (first.saturating_add(corner), 0)).collect();
+        if let Some((bad, _)) = corners.iter().find(|corner| corner.0 >= end as u64) {
+            let points = end as u64 - first;
+            return Err(self.error(node, format!("names point {}, but its piece has {points}", bad - first)));
+        }
+        let cells = Cells { corners, offsets };
+        cells.check().map_err(|problem| self.error(node, problem))?;
+        Ok(cells)
     }
 
     /// The group of each cell of a piece, if there are groups.

@@ -175,7 +175,8 @@ fn out_of(arguments: &Arguments) -> PathBuf {
 
 /// The name of a model without the number of its vertices, or a file's name.
 fn stem(surface: &str) -> &str {
-    surface.split(':').next().unwrap_or_default()
+    let model = surface.split_once(':').map(|(name, _)| name);
+    model.filter(|name| Model::ALL.iter().any(|model| model.name() == *name)).unwrap_or(surface)
 }
 
 /// A scene of one soft body, made from the options.

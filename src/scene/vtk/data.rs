@@ -3,7 +3,7 @@
 //! with one whole number per cell.
 
 use super::super::cursor::{Cursor, Order, short};
-use super::{count, size_of};
+use super::{array_line, count, size_of};
 use crate::Result;
 
 /// Name of the array that gives the groups, whatever its position among the arrays; a file need not have it.
@@ -75,7 +75,7 @@ impl CellData {
     /// and type.
     fn field(&mut self, cursor: &mut Cursor, words: &[&str], section: &Section) -> Result<()> {
         for _ in 0..count(cursor, words, 2)? {
-            let line = cursor.need("an array of a FIELD")?;
+            let line = array_line(cursor)?;
             let words: Vec<&str> = line.split_whitespace().collect();
             let (components, tuples) = (count(cursor, &words, 1)?, count(cursor, &words, 2)?);
             self.array(cursor, section, words[0], (words.get(3), tuples, components))?;

@@ -90,7 +90,17 @@ impl Cells {
                 }
             }
         }
+        read.check().map_err(|problem| cursor.error(problem))?;
         Ok(read)
+    }
+
+    /// What is wrong with the offsets, if they do not lead from the first corner to the last.
+    pub fn check(&self) -> std::result::Result<(), String> {
+        let ends = self.offsets.first() == Some(&0) && self.offsets.last() == Some(&(self.corners.len() as u64));
+        if ends && self.offsets.is_sorted() {
+            return Ok(());
+        }
+        Err(format!("the offsets of its cells do not lead through its {} corners", self.corners.len()))
     }
 
     /// Number of cells.

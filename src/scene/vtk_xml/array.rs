@@ -1,6 +1,6 @@
 //! Decodes the arrays of VTK's XML files.
 
-use std::io::{self, Read, Write};
+use std::io::Read;
 
 use data_encoding::BASE64;
 
@@ -116,50 +116,23 @@ pub struct Encoding {
 enum Compression {
     Zlib,
     Lz4,
-    Lzma,
 }
 
 impl Compression {
     /// The `wanted` bytes of a compressed block, and possibly one more where it has more.
     fn inflate(self, block: &[u8], wanted: usize) -> Result<Vec<u8>, String> {
         let failed = |error: &dyn std::fmt::Display| format!("cannot be decompressed: {error}");
-        let mut bytes = Limited { bytes: Vec::new(), most: wanted.saturating_add(1) };
         match self {
             Compression::Zlib => {
-                let inflated = &mut flate2::read::ZlibDecoder::new(block).take(bytes.most as u64);
-                io::copy(inflated, &mut bytes).map_err(|error| failed(&error))?;
+                let (mut bytes, most) = (Vec::new(), (wanted as u64).saturating_add(1));
+                let inflated = flate2::read::ZlibDecoder::new(block).take(most).read_to_end(&mut bytes);
+                inflated.map(|_| bytes).map_err(|error| failed(&error))
             }
             Compression::Lz4 if wanted > MOST_BY_LZ4 * (block.len() + 1) => {
-                return Err(format!("has a block of {wanted} bytes in {} compressed ones", block.len()));
+                Err(format!("has a block of {wanted} bytes in {} compressed ones", block.len()))
             }
-            Compression::Lz4 => {
-                bytes.bytes = lz4_flex::block::decompress(block, wanted).map_err(|error| failed(&error))?;
-            }
-            Compression::Lzma => {
-                lzma_rs::xz_decompress(&mut &block[..], &mut bytes).map_err(|error| failed(&error))?;
-            }
+            Compression::Lz4 => lz4_flex::block::decompress(block, wanted).map_err(|error| failed(&error)),
         }
-        Ok(bytes.bytes)
-    }
-}
-
-/// Bytes that are refused beyond a greatest number.
-struct Limited {
-    bytes: Vec<u8>,
-    most: usize,
-}
-
-impl Write for Limited {
-    fn write(&mut self, more: &[u8]) -> io::Result<usize> {
-        if more.len() > self.most - self.bytes.len() {
-            return Err(io::Error::other("it is longer than its header says"));
-        }
-        self.bytes.extend_from_slice(more);
-        Ok(more.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
     }
 }
 
@@ -180,8 +153,7 @@ impl Encoding {
             "" => None,
             "vtkZLibDataCompressor" => Some(Compression::Zlib),
             "vtkLZ4DataCompressor" => Some(Compression::Lz4),
-            "vtkLZMADataCompressor" => Some(Compression::Lzma),
-            other => return Err(format!("compressed by the unknown \"{}\"", other.escape_debug())),
+            other => return Err(format!("compressed by \"{}\", which is not read", other.escape_debug())),
         };
         Ok(Encoding { is_big, header, compression })
     }
@@ -248,6 +220,26 @@ impl Encoding {
         }
         Ok(bytes)
     }
+}
+
+/// Whether elements are nested more deeply than in any file of VTK; the parser of XML needs stack for each level.
+pub fn is_deep(text: &[u8]) -> bool {
+    const MOST: usize = 100;
+    let (mut depth, mut at) = (0_usize, 0);
+    while let Some(tag) = text[at..].iter().position(|byte| *byte == b'<').map(|place| at + place + 1) {
+        let end = text[tag..].iter().position(|byte| *byte == b'>').map_or(text.len(), |place| tag + place);
+        match text.get(tag) {
+            Some(b'/') => depth = depth.saturating_sub(1),
+            Some(b'?' | b'!') => {}
+            _ if text[..end].ends_with(b"/") => {}
+            _ => depth += 1,
+        }
+        if depth > MOST {
+            return true;
+        }
+        at = tag;
+    }
+    false
 }
 
 /// Divides a file into its XML and the appended data, which may be no text; the XML ends with the opening tag of the

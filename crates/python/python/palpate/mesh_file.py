@@ -2,6 +2,7 @@
 
 import importlib
 import os
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,7 +53,7 @@ def read_mesh(file: str | os.PathLike[str]) -> MeshFile:
         mesh: Any = meshio.read(os.fspath(file))
     # meshio ends the process where no reader fits.
     except (Exception, SystemExit) as error:
-        problem = " ".join(str(error).split()) or type(error).__name__
+        problem = "no reader fits" if isinstance(error, SystemExit) else " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file}: meshio cannot read it: {problem}; give a mesh file") from None
     points = np.asarray(mesh.points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
@@ -64,6 +65,10 @@ def read_mesh(file: str | os.PathLike[str]) -> MeshFile:
     if not len(triangles) and not len(tetrahedra):
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "no cells"
         raise InputError(f"{file}: has {kinds}; give a mesh of triangles, quadrangles or four-node tetrahedra")
+    others = {block.type: len(block.data) for block in mesh.cells if block.type not in ("triangle", "quad", "tetra")}
+    if others:
+        left_out = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
+        warnings.warn(f"{file}: cells of other types were left out: {left_out}", stacklevel=2)
     return MeshFile(points, triangles, tetrahedra)
 
 
