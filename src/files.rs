@@ -12,6 +12,11 @@ pub const MOST_TEXT: u64 = 64 << 20;
 /// Greatest size of a mesh file, bytes: some eight million vertices of a surface.
 pub const MOST_MESH: u64 = 512 << 20;
 
+/// The extension of a file's name, in lower case; empty where there is none.
+pub fn extension(path: &Path) -> String {
+    path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
 /// Opens a regular file. An error names the file, and ends with `remedy`.
 pub fn open(path: &Path, remedy: &str) -> Result<File> {
     let failed = |problem: String| Error::input(path, None, problem, remedy);

@@ -5,13 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use palpate::internal::prepare::repair::repair;
+use palpate::scene::tetrahedra;
 use palpate::scene::triangles::{TriangleFile, TriangleMesh, read};
 
 /// Volume of the box in all files, m^3.
 const VOLUME: f64 = 6.0;
 /// Tolerance of the volume, as a share.
 const SINGLE: f64 = 1e-6;
-/// The same for the ASCII PLY file of Open3D, which gives coordinates with six digits.
+/// Tolerance of the volume in the ASCII PLY file of Open3D, as a share; it gives coordinates with six digits.
 const SIX_DIGITS: f64 = 5e-6;
 
 fn folder() -> PathBuf {
@@ -206,6 +207,41 @@ fn pieces_and_polygons() {
     let (name, rest) = facets.split_once('\n').unwrap();
     let lines = format!("\u{feff}{name}\n{}", rest.replace('\n', " ").replace(" endsolid", "\nendsolid"));
     assert_eq!(read_bytes("lines.stl", lines.as_bytes()).unwrap().mesh.triangles.len(), 12);
+}
+
+/// Groups of a grid in pieces: each piece must have them.
+#[test]
+fn pieces_have_groups_together_or_not_at_all() {
+    let array = |kind: &str, name: &str, numbers: &str| {
+        format!("<DataArray type=\"{kind}\" Name=\"{name}\">{numbers}</DataArray>")
+    };
+    let piece = |x: i32, group: Option<i32>| {
+        let points = array("Float64", "p", &format!("{x} 0 0 {x} 1 0 {x} 0 1 {} 0 0", x + 1));
+        let cells = array("Int32", "connectivity", "0 1 2 3")
+            + &array("Int32", "offsets", "4")
+            + &array("UInt8", "types", "10");
+        let data = group.map(|group| array("Int32", "group", &group.to_string())).unwrap_or_default();
+        format!(
+            "<Piece NumberOfPoints=\"4\" NumberOfCells=\"1\"><Points>{points}</Points><Cells>{cells}</Cells>\
+             <CellData>{data}</CellData></Piece>"
+        )
+    };
+    let folder = tempfile::tempdir().unwrap();
+    for (groups, found, notes) in [
+        ([Some(3), Some(-4)], [Some(3), Some(-4)], 0),
+        ([Some(3), None], [None, None], 1),
+        ([None, Some(3)], [None, None], 1),
+        ([None, None], [None, None], 0),
+    ] {
+        let path = folder.path().join("two.vtu");
+        let pieces = piece(0, groups[0]) + &piece(5, groups[1]);
+        let text =
+            format!("<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid>{pieces}</UnstructuredGrid></VTKFile>");
+        fs::write(&path, text).unwrap();
+        let mesh = tetrahedra::read(&path).unwrap();
+        assert_eq!((mesh.nodes.len(), &mesh.groups.of[..]), (8, &found[..]), "groups {groups:?}");
+        assert_eq!(mesh.notes.len(), notes, "notes with groups {groups:?}: {:?}", mesh.notes);
+    }
 }
 
 /// Text with each `(old, new)` replaced once; a part that is not there fails the test.

@@ -220,8 +220,7 @@ impl Recipe<'_> {
 
 /// Adds to a key the extension of a file's name, by which the file's reader is chosen, and the file's contents.
 fn add_file(maker: &mut KeyMaker, path: &Path) -> Result<()> {
-    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-    maker.add(ending.as_bytes());
+    maker.add(files::extension(path).as_bytes());
     maker.add(&files::mesh(path, "give a mesh file")?);
     Ok(())
 }

@@ -48,6 +48,7 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("../scene/gmsh/groups.rs"),
     include_str!("../scene/groups.rs"),
     include_str!("../scene/meshes.rs"),
+    include_str!("../scene/number.rs"),
     include_str!("../scene/obj.rs"),
     include_str!("../scene/ply.rs"),
     include_str!("../scene/stl.rs"),

@@ -19,6 +19,7 @@ use super::{
     support, trajectory, triangles,
 };
 use crate::Result;
+use crate::files::extension;
 
 /// Keys that a body which is a plane may have.
 const PLANE_KEYS: [&str; 3] = ["name", "plane", "collides"];
@@ -162,7 +163,7 @@ fn shape(table: &Table) -> Result<Shape> {
 /// The path of a mesh file with one of these extensions; the error names any other extension.
 pub(super) fn mesh_file(value: &Value, extensions: &[&str]) -> Result<PathBuf> {
     let path = value.file()?;
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let extension = extension(&path);
     if extensions.contains(&extension.as_str()) {
         return Ok(path);
     }

@@ -14,7 +14,7 @@ use crate::{Error, Result, files};
 
 /// Greatest magnitude of a coordinate. The greatest number of single precision, 3e38, is so much greater that the
 /// coordinate may be multiplied by 1e8 without overflow.
-const LARGEST: f64 = 1e30;
+pub(super) const LARGEST: f64 = 1e30;
 
 /// With what some editors begin a text.
 pub(super) const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use glam::{DMat4, DQuat, DVec3};
 use serde::Deserialize;
 
-use super::cursor::BYTE_ORDER_MARK;
-use super::triangles::{LARGEST, MOST_TRIANGLES, Polygons, TriangleFile, TriangleMesh};
+use super::cursor::{BYTE_ORDER_MARK, LARGEST};
+use super::triangles::{MOST_TRIANGLES, Polygons, TriangleFile, TriangleMesh};
 use crate::{Error, Result, files};
 
 const REMEDY: &str = "export the surface as glTF again, without compression";

@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::cursor::Cursor;
+use super::cursor::{Cursor, LARGEST};
 use super::tetrahedra::{self, Contents, Element, TetMesh};
-use super::triangles::{self, LARGEST, TriangleMesh};
+use super::triangles::{self, TriangleMesh};
 use super::triangulate::triangulate;
 use crate::{Error, Result};
 

@@ -32,6 +32,7 @@ mod material;
 pub mod meshes;
 mod model;
 mod names;
+mod number;
 #[doc(hidden)]
 pub mod obj;
 mod ply;

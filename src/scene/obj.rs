@@ -11,7 +11,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::triangles::{LARGEST, TriangleMesh};
+use super::cursor::LARGEST;
+use super::triangles::TriangleMesh;
 use super::triangulate::triangulate;
 use crate::{Error, Result, files};
 

@@ -5,42 +5,25 @@
 use std::path::Path;
 
 use super::cursor::{self, Cursor, Order, short};
+use super::number::Number;
 use super::triangles::{Polygons, TriangleFile};
 use crate::Result;
 
 const REMEDY: &str = "export the surface as PLY again";
 
-/// A type of number.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Number {
-    Int { bytes: usize, signed: bool },
-    Float,
-    Double,
-}
-
-impl Number {
-    fn named(name: &str) -> Option<Number> {
-        let int = |bytes, signed| Some(Number::Int { bytes, signed });
-        match name {
-            "char" | "int8" => int(1, true),
-            "uchar" | "uint8" => int(1, false),
-            "short" | "int16" => int(2, true),
-            "ushort" | "uint16" => int(2, false),
-            "int" | "int32" => int(4, true),
-            "uint" | "uint32" => int(4, false),
-            "float" | "float32" => Some(Number::Float),
-            "double" | "float64" => Some(Number::Double),
-            _ => None,
-        }
-    }
-
-    /// Reads a number of a binary file.
-    fn read(self, cursor: &mut Cursor, what: &str) -> Result<f64> {
-        match self {
-            Number::Int { bytes, signed } => cursor.integer(bytes, signed, what).map(|number| number as f64),
-            Number::Float => cursor.f32(what),
-            Number::Double => cursor.f64(what),
-        }
+/// The type of this name.
+fn number_named(name: &str) -> Option<Number> {
+    let whole = |bytes, signed| Some(Number::Whole { bytes, signed });
+    match name {
+        "char" | "int8" => whole(1, true),
+        "uchar" | "uint8" => whole(1, false),
+        "short" | "int16" => whole(2, true),
+        "ushort" | "uint16" => whole(2, false),
+        "int" | "int32" => whole(4, true),
+        "uint" | "uint32" => whole(4, false),
+        "float" | "float32" => Some(Number::Float),
+        "double" | "float64" => Some(Number::Double),
+        _ => None,
     }
 }
 
@@ -173,7 +156,7 @@ fn header(cursor: &mut Cursor) -> Result<(Vec<ElementKind>, Option<Order>)> {
             ["property", ref kind @ .., name] => {
                 let number = |word: &str| {
                     let unknown = || cursor.error(format!("unknown type \"{}\"", short(word)));
-                    Number::named(word).ok_or_else(unknown)
+                    number_named(word).ok_or_else(unknown)
                 };
                 let property = match kind {
                     ["list", length, of] => {

@@ -9,8 +9,8 @@ use glam::DVec3;
 
 use super::cursor::Cursor;
 use super::groups::{Groups, NodeGroup};
-use super::triangles::extension;
 use super::{gmsh, tetgen, vtk, vtk_xml};
+use crate::files::extension;
 use crate::{Error, Result};
 
 /// Extensions of the files that [`read`] can read.

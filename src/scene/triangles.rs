@@ -9,13 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use super::triangulate::triangulate;
 use super::{gltf, obj, ply, stl, vtk, vtk_xml};
+use crate::files::extension;
 use crate::{Error, Result};
 
 /// Extensions of the files that [`read`] can read.
 pub const EXTENSIONS: [&str; 8] = ["obj", "stl", "ply", "gltf", "glb", "vtp", "vtu", "vtk"];
-
-/// Greatest magnitude of a coordinate: multiplied by up to 1e8 it is still finite in single precision.
-pub(super) const LARGEST: f64 = 1e30;
 
 /// Greatest number of triangles, and of vertices, of a file that repeats its data; others are limited by their size.
 pub(super) const MOST_TRIANGLES: usize = 10_000_000;
@@ -40,11 +38,6 @@ pub struct TriangleFile {
     pub mesh: TriangleMesh,
     /// Notes on parts of the file that were left out; one sentence for each.
     pub notes: Vec<String>,
-}
-
-/// The lower-case extension of a file's name.
-pub(super) fn extension(path: &Path) -> String {
-    path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
 /// Returns the files that [`read`] reads for `path`: the file itself, and the buffers that a glTF file names.

@@ -12,10 +12,11 @@ use std::path::Path;
 use glam::DVec3;
 use roxmltree::{Document, Node};
 
-use self::array::{Appended, Encoding, Kind};
-use super::cursor::{self, Cursor};
+use self::array::{Appended, Encoding, number_named};
+use super::cursor::{self, Cursor, LARGEST, short};
+use super::number::Number;
 use super::tetrahedra::TetMesh;
-use super::triangles::{LARGEST, MOST_TRIANGLES, TriangleFile};
+use super::triangles::{MOST_TRIANGLES, TriangleFile};
 use super::vtk::grid::{Cells, Grid, LINE, POINTS, POLYGON, STRIP};
 use crate::{Error, Result};
 
@@ -90,11 +91,11 @@ impl<'a> File<'a> {
         let root = self.document.root_element();
         let kind = root.attribute("type").unwrap_or_default();
         if !["UnstructuredGrid", "PolyData"].contains(&kind) {
-            return Err(self.error(root, format!("a file of type \"{}\"", super::cursor::short(kind))));
+            return Err(self.error(root, format!("a file of type \"{}\"", short(kind))));
         }
         let all = self.child(root, kind)?;
         let mut grid = Grid::default();
-        let mut has_groups = true;
+        let mut groups = Vec::new();
         for piece in all.children().filter(|node| node.has_tag_name("Piece")) {
             let first = grid.points.len() as u64;
             self.points(piece, &mut grid)?;
@@ -120,22 +121,15 @@ impl<'a> File<'a> {
             }
             grid.types.extend(types);
             grid.cells.append(&cells);
-            match self.groups(piece, count) {
-                Ok(Some(groups)) if has_groups => grid.groups.extend(groups),
-                Ok(_) => {
-                    if !grid.groups.is_empty() {
-                        grid.notes.push("groups were left out: some pieces have none".into());
-                    }
-                    has_groups = false;
-                }
-                Err(error) => {
-                    has_groups = false;
-                    grid.notes.push(format!("data on cells were left out: {error}"));
-                }
-            }
+            groups.push(self.groups(piece, count).unwrap_or_else(|error| {
+                grid.notes.push(format!("data on cells were left out: {error}"));
+                None
+            }));
         }
-        if !has_groups {
-            grid.groups.clear();
+        if groups.iter().all(Option::is_some) {
+            grid.groups = groups.into_iter().flatten().flatten().collect();
+        } else if groups.iter().any(Option::is_some) {
+            grid.notes.push("groups were left out: some pieces have none".into());
         }
         Ok(grid)
     }
@@ -195,8 +189,8 @@ impl<'a> File<'a> {
         let Some(data) = piece.children().find(|node| node.has_tag_name("CellData")) else { return Ok(None) };
         let is_whole = |node: &Node| {
             let has_one = node.attribute("NumberOfComponents").is_none_or(|count| count.trim() == "1");
-            let kind = node.attribute("type").and_then(Kind::named);
-            node.has_tag_name("DataArray") && has_one && matches!(kind, Some(Kind::Whole { .. }))
+            let kind = node.attribute("type").and_then(number_named);
+            node.has_tag_name("DataArray") && has_one && matches!(kind, Some(Number::Whole { .. }))
         };
         let is_named = |node: &Node| node.attribute("Name").is_some_and(|name| name.eq_ignore_ascii_case(GROUP));
         let arrays: Vec<Node> = data.children().filter(is_whole).collect();
@@ -213,14 +207,13 @@ impl<'a> File<'a> {
         };
         let kind = node.attribute("type").unwrap_or_default();
         let kind =
-            Kind::named(kind).ok_or_else(|| wrong(format!("is of the unknown type \"{}\"", kind.escape_debug())))?;
+            number_named(kind).ok_or_else(|| wrong(format!("is of the unknown type \"{}\"", kind.escape_debug())))?;
         let text = || node.children().filter_map(|child| child.text().filter(|_| child.is_text())).collect::<String>();
         match node.attribute("format").unwrap_or("ascii") {
             "ascii" => {
                 let text = text();
                 let number = |word: &str| {
-                    word.parse()
-                        .map_err(|_| wrong(format!("has \"{}\", which is no number", super::cursor::short(word))))
+                    word.parse().map_err(|_| wrong(format!("has \"{}\", which is no number", short(word))))
                 };
                 text.split_whitespace().map(number).collect()
             }
@@ -236,7 +229,7 @@ impl<'a> File<'a> {
                     self.appended.as_ref().ok_or_else(|| wrong("is appended to a file without data".into()))?;
                 self.encoding.numbers(kind, appended, offset).map_err(wrong)
             }
-            other => Err(wrong(format!("has the unknown format \"{}\"", super::cursor::short(other)))),
+            other => Err(wrong(format!("has the unknown format \"{}\"", short(other)))),
         }
     }
 

@@ -2,6 +2,7 @@
 //! rigid core) and proxies (convex collision hulls). Writes the body with a report, images, and a scene in which a
 //! sphere presses into the body.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -169,14 +170,14 @@ fn write_text(w: &mut impl std::io::Write, report: &Report) -> std::io::Result<(
 
 /// The directory that is written.
 fn out_of(arguments: &Arguments) -> PathBuf {
-    let stem = || Path::new(stem(&arguments.surface)).file_stem().unwrap_or_default().into();
-    arguments.out.clone().unwrap_or_else(stem)
+    arguments.out.clone().unwrap_or_else(|| stem(&arguments.surface).into())
 }
 
-/// The name of a model without the number of its vertices, or a file's name.
-fn stem(surface: &str) -> &str {
+/// The name of a model without the number of its vertices, or a file's name without folder and extension.
+fn stem(surface: &str) -> &OsStr {
     let model = surface.split_once(':').map(|(name, _)| name);
-    model.filter(|name| Model::ALL.iter().any(|model| model.name() == *name)).unwrap_or(surface)
+    let name = model.filter(|name| Model::ALL.iter().any(|model| model.name() == *name)).unwrap_or(surface);
+    Path::new(name).file_stem().unwrap_or_default()
 }
 
 /// A scene of one soft body, made from the options.
@@ -187,8 +188,7 @@ fn scene_of(arguments: &Arguments) -> Result<Scene> {
         Some(cell) => scene::Layer::Cell { cell, grade, thickness },
         None => scene::Layer::Across { cells, grade, thickness },
     };
-    let stem = Path::new(stem(&arguments.surface)).file_stem();
-    let name: String = stem.unwrap_or_default().to_string_lossy().chars().filter(|c| is_plain(*c)).collect();
+    let name: String = stem(&arguments.surface).to_string_lossy().chars().filter(|c| is_plain(*c)).collect();
     let body = scene::Body {
         name: if name.is_empty() || name == "tool" { "body".into() } else { name },
         shape: scene::Shape::Soft { surface: Some(surface), layer },

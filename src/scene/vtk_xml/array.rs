@@ -5,65 +5,26 @@ use std::io::Read;
 use data_encoding::BASE64;
 
 use crate::memory;
+use crate::scene::number::Number;
 
 /// Most bytes that LZ4 makes of one byte.
 const MOST_BY_LZ4: usize = 256;
 
-/// A type of number.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
-    /// A whole number.
-    Whole {
-        /// Its size, bytes.
-        bytes: usize,
-        /// Whether it may be negative.
-        signed: bool,
-    },
-    /// A number of single precision.
-    Float,
-    /// A number of double precision.
-    Double,
-}
-
-impl Kind {
-    /// The type of this name.
-    pub fn named(name: &str) -> Option<Kind> {
-        let whole = |bytes, signed| Some(Kind::Whole { bytes, signed });
-        match name {
-            "Int8" => whole(1, true),
-            "UInt8" => whole(1, false),
-            "Int16" => whole(2, true),
-            "UInt16" => whole(2, false),
-            "Int32" => whole(4, true),
-            "UInt32" => whole(4, false),
-            "Int64" => whole(8, true),
-            "UInt64" => whole(8, false),
-            "Float32" => Some(Kind::Float),
-            "Float64" => Some(Kind::Double),
-            _ => None,
-        }
-    }
-
-    fn bytes(self) -> usize {
-        match self {
-            Kind::Whole { bytes, .. } => bytes,
-            Kind::Float => 4,
-            Kind::Double => 8,
-        }
-    }
-
-    /// The number with these bytes, the least significant first.
-    fn number(self, bytes: &[u8]) -> f64 {
-        let bits = bytes.iter().rev().fold(0_u64, |bits, byte| bits << 8 | u64::from(*byte));
-        match self {
-            Kind::Float => f64::from(f32::from_bits(bits as u32)),
-            Kind::Double => f64::from_bits(bits),
-            Kind::Whole { signed: false, .. } => bits as f64,
-            Kind::Whole { bytes, signed: true } => {
-                let unused = 64 - 8 * bytes as u32;
-                ((bits << unused) as i64 >> unused) as f64
-            }
-        }
+/// The type of numbers of this name.
+pub fn number_named(name: &str) -> Option<Number> {
+    let whole = |bytes, signed| Some(Number::Whole { bytes, signed });
+    match name {
+        "Int8" => whole(1, true),
+        "UInt8" => whole(1, false),
+        "Int16" => whole(2, true),
+        "UInt16" => whole(2, false),
+        "Int32" => whole(4, true),
+        "UInt32" => whole(4, false),
+        "Int64" => whole(8, true),
+        "UInt64" => whole(8, false),
+        "Float32" => Some(Number::Float),
+        "Float64" => Some(Number::Double),
+        _ => None,
     }
 }
 
@@ -159,7 +120,7 @@ impl Encoding {
     }
 
     /// The numbers of the array that begins at `at`. An error says what the array does wrong.
-    pub fn numbers(&self, kind: Kind, data: &Appended, at: usize) -> Result<Vec<f64>, String> {
+    pub fn numbers(&self, kind: Number, data: &Appended, at: usize) -> Result<Vec<f64>, String> {
         let mut bytes = match self.compression {
             Some(compression) => self.inflate(compression, data, at)?,
             None => self.plain(data, at)?,
@@ -171,7 +132,7 @@ impl Encoding {
         if self.is_big {
             bytes.chunks_mut(size).for_each(<[u8]>::reverse);
         }
-        Ok(bytes.chunks(size).map(|number| kind.number(number)).collect())
+        Ok(bytes.chunks(size).map(|number| kind.of(number)).collect())
     }
 
     /// Numbers of a header.
@@ -227,12 +188,14 @@ pub fn is_deep(text: &[u8]) -> bool {
     const MOST: usize = 100;
     let (mut depth, mut at) = (0_usize, 0);
     while let Some(tag) = text[at..].iter().position(|byte| *byte == b'<').map(|place| at + place + 1) {
-        let end = text[tag..].iter().position(|byte| *byte == b'>').map_or(text.len(), |place| tag + place);
         match text.get(tag) {
             Some(b'/') => depth = depth.saturating_sub(1),
             Some(b'?' | b'!') => {}
-            _ if text[..end].ends_with(b"/") => {}
-            _ => depth += 1,
+            _ => {
+                // An element without content ends in its own tag.
+                let end = text[tag..].iter().position(|byte| *byte == b'>').map_or(text.len(), |place| tag + place);
+                depth += usize::from(!text[..end].ends_with(b"/"));
+            }
         }
         if depth > MOST {
             return true;
