@@ -91,6 +91,8 @@ fn chain() -> Simulation {
     let mut scene = scene(&text);
     let ends = [DVec3::new(0.1, 0.0, 0.0), DVec3::new(0.13, 0.0, 0.01)];
     scene.bodies[0].cores[0].bind = Some(Bind::Capsule(Capsule { ends, radii: [0.04, 0.03] }));
+    // Units and scale together give metres; whatever uses one of the two alone is wrong by a factor of two.
+    (scene.bodies[0].units, scene.bodies[0].scale) = (Some(0.5), 2.0);
     open(&scene, None)
 }
 

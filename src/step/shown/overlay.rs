@@ -279,8 +279,8 @@ impl Simulation {
                 let Some(Bind::Capsule(capsule)) = &core.bind else { continue };
                 let frame = first + k as u32;
                 let centre = self.model.frames[frame as usize].rest_centre;
-                let ends = capsule.ends.map(|end| scene.scale * end - centre);
-                let radii = capsule.radii.map(|radius| scene.scale * radius);
+                let ends = capsule.ends.map(|end| scene.metres() * end - centre);
+                let radii = capsule.radii.map(|radius| scene.metres() * radius);
                 building.part(&core.name, index, |outline| add_capsule(outline, frame, ends, radii, k as f32));
             }
         }
