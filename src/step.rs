@@ -54,7 +54,7 @@ use frames::Frames;
 use probes::ProbePlace;
 pub use report::{Pose, StepReport, StepWork, ToolReport};
 pub use rigid::{RigidState, Wrench};
-pub use shown::{ContactPatchRectangle, Cut, Field, FieldValues, Mesh, Overlay, Part, Skins};
+pub use shown::{ContactPatchRectangle, Cut, Field, FieldValues, Mesh, Overlay, Part, Skins, TetrahedronFields};
 use stage_set::Stages;
 use tool::Tool;
 use trajectory::Trajectory;

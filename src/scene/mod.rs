@@ -59,7 +59,8 @@ mod triangulate;
 pub mod units;
 #[doc(hidden)]
 pub mod vtk;
-mod vtk_xml;
+#[doc(hidden)]
+pub mod vtk_xml;
 
 use std::path::PathBuf;
 use std::sync::Arc;

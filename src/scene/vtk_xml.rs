@@ -6,6 +6,7 @@
 //! appended as base64 or raw bytes; compressed by zlib or LZ4, or not.
 
 mod array;
+pub mod write;
 
 use std::path::Path;
 

@@ -2,6 +2,7 @@
 //! that a renderer or another program may bind or map. It is no part of the step; it is made and run only when a caller
 //! asks for it.
 
+mod elements;
 mod fields;
 mod mesh;
 mod points;
@@ -17,7 +18,7 @@ use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
 use crate::shaders::{Frame, Link, NONE};
-pub use fields::{Field, Fields};
+pub use fields::{FIELDS, Field, Fields, of_all};
 pub use mesh::{Mesh, Outline};
 pub use points::Points;
 
@@ -91,10 +92,15 @@ impl Draw {
         Skins { positions: &self.points.positions, normals: &self.normals, triangles: &self.triangles }
     }
 
-    /// Records two passes over all skin vertices.
-    pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
+    /// Records the transfer of frames and links, as the host wrote them.
+    pub fn record_frames(&self, recorder: &mut Recorder) {
         recorder.upload(&self.frames);
         recorder.upload(&self.links);
+    }
+
+    /// Records two passes over all skin vertices.
+    pub fn record(&self, recorder: &mut Recorder, elastic: &Elastic) {
+        self.record_frames(recorder);
         self.points.record(recorder, &self.frames, elastic);
         let arguments = shaders::draw::Normals {
             triangles: &self.triangles,

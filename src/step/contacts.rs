@@ -88,6 +88,40 @@ impl Simulation {
         Ok(contacts.iter().zip(&tractions).filter(|(contact, _)| contact.stiffness > 0.0).map(point).collect())
     }
 
+    /// Force of the last step's contacts on each vertex of a body's skin, N, world axes, in the skin's order; the index
+    /// after that of the last body is the tool's. A contact acts on the vertex that it is found at, and with the opposite
+    /// force on the corners of the triangle that this vertex has met; or, where triangles are tested for contact, on the
+    /// corners of the triangle and on no vertex of the rigid body that it meets. This costs transfers from the GPU.
+    ///
+    /// # Errors
+    /// [`crate::Error::Vulkan`]: a transfer failed.
+    pub fn contact_forces(&self, body: usize) -> Result<Vec<DVec3>> {
+        let range = self.skin_ranges().get(body).cloned().unwrap_or_default();
+        let mut forces = vec![DVec3::ZERO; range.len()];
+        let (_, contacts) = self.touch()?;
+        for (contact, traction) in contacts.iter().zip(&self.tractions(&contacts)?) {
+            let (side, normal) = (self.tested_side(contact), DVec3::from(contact.normal.map(f64::from)));
+            let [tested, other] = self.side_bodies(side);
+            if contact.stiffness <= 0.0 || ![tested, other].contains(&body) {
+                continue;
+            }
+            let out = if side.is_multiple_of(2) { -1.0 } else { 1.0 };
+            let force = f64::from(contact.area) * out * (traction.pressure * normal + traction.friction);
+            let is_by_vertex = side == contact.side;
+            if is_by_vertex && tested == body {
+                forces[contact.vertex as usize - range.start] += force;
+            } else if is_by_vertex != (tested == body) && contact.triangle != shaders::NONE {
+                let [second, third] = contact.barycentric.map(f64::from);
+                let sign = if is_by_vertex { -1.0 } else { 1.0 };
+                let corners = self.model.triangles[contact.triangle as usize];
+                for (corner, weight) in corners.into_iter().zip([1.0 - second - third, second, third]) {
+                    forces[corner as usize - range.start] += sign * weight * force;
+                }
+            }
+        }
+        Ok(forces)
+    }
+
     /// The tractions (pressure and friction) at the last step's contacts; at the start of the step where those at its
     /// end are not known.
     fn tractions(&self, contacts: &[shaders::Contact]) -> Result<Vec<Traction>> {

@@ -5,6 +5,7 @@
 //! leads.
 
 mod contact_patches;
+mod elements;
 mod overlay;
 
 use std::ops::Range;
@@ -16,10 +17,11 @@ use crate::gpu::{Buffer, Recorder, Recording};
 use crate::prepare::{Body, Shape};
 use crate::shaders::{Frame, Link};
 use crate::stages::contact::Touch;
-use crate::stages::draw::{Draw, Fields};
+use crate::stages::draw::{Draw, FIELDS, Fields, of_all};
 pub use crate::stages::draw::{Field, Skins};
 use crate::{Error, Result};
 pub use contact_patches::ContactPatchRectangle;
+pub use elements::TetrahedronFields;
 use overlay::ShownMesh;
 pub use overlay::{Cut, Mesh, Overlay, Part};
 
@@ -36,7 +38,9 @@ pub(super) struct Shown {
 struct ShownFields {
     fields: Fields,
     /// One recording per [`Field`].
-    recordings: [Recording; 4],
+    recordings: [Recording; FIELDS],
+    /// Fills the fields of the tetrahedra.
+    of_tetrahedra: Recording,
 }
 
 /// A scalar field as it was when it was asked for.
@@ -78,7 +82,7 @@ impl Simulation {
         let is_solved = u32::from(self.is_solved);
         self.shown_fields()?;
         let shown = self.shown_at(DVec3::ZERO)?;
-        let Some(ShownFields { fields, recordings }) = &shown.fields else { return Err(missing()) };
+        let Some(ShownFields { fields, recordings, .. }) = &shown.fields else { return Err(missing()) };
         fields.is_solved.mapped_mut::<u32>()?[0] = is_solved;
         let at = field as usize;
         recordings[at].submit_and_wait()?;
@@ -131,8 +135,12 @@ impl Simulation {
             fields.record(&mut recorder, field, draw, &self.stages.common, &self.stages.elastic, touch);
             recorder.finish()
         };
-        let [depth, pressure, energy, displacement] = Field::ALL.map(record);
-        Ok(ShownFields { recordings: [depth?, pressure?, energy?, displacement?], fields })
+        let mut recorder = Recorder::untimed(&self.context)?;
+        draw.record_frames(&mut recorder);
+        fields.elements.record_energy(&mut recorder, draw, &self.stages.elastic);
+        fields.elements.record_stress(&mut recorder, draw, &self.stages.elastic);
+        let of_tetrahedra = recorder.finish()?;
+        Ok(ShownFields { recordings: of_all(record)?, of_tetrahedra, fields })
     }
 
     /// World positions of the vertices of the skin of body `body`, m; the index after that of the last body is the

@@ -1,5 +1,5 @@
 //! Tests of fields on the skins (surface meshes) for display: contact depth and pressure, strain energy density,
-//! displacement. Each kernel is compared with f64, and whole fields are compared with values that the host computes. A
+//! displacement, stress. Each kernel is compared with f64, and whole fields are compared with values that the host computes. A
 //! run whose fields are read must give the same bits as a run whose fields are not read. A patch is a group of
 //! tetrahedra that share one volumetric strain (F-bar); the oracle is the f64 reference implementation.
 
@@ -21,6 +21,7 @@ use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene, soft_twin};
 use crate::solver::system::{System, layered, material, mixed, two_layers};
 use crate::stage::elastic::{deformed_of, expect_of_largest, stretched};
+use crate::stage::stresses::invariants;
 
 /// Error of energy densities relative to the largest density: strains of order one tenth come from terms of order one,
 /// known to 1e-7; a density is quadratic in the strains.
@@ -41,6 +42,8 @@ const PRESSURE: f64 = 1.0e-5;
 const WHOLE: f64 = 2.0e-4;
 /// Largest value of a field at rest, where only rounding in f64 is left; m or J/m^3.
 const REST: f64 = 1.0e-12;
+/// Largest stress at rest, Pa: rounding of displacements of bodies that have turned.
+const STRESS_AT_REST: f64 = 1.0e-2;
 
 /// Numbers of elements: 0, 1, three numbers around the width of a workgroup, and a large number.
 fn sizes() -> [usize; 6] {
@@ -185,15 +188,19 @@ fn sums_over_patches_of_any_number() {
             .inout("densities", &rows)
             .elements(n)
             .run();
-        let mut want = vec![0.0; 2 * n];
+        let (mut want, mut stresses) = (vec![0.0; 2 * n], vec![0.0; 2 * n]);
         for pair in members.chunks(2) {
             let [a, b] = [pair[0], pair[1]].map(|t| rows[t as usize].map(f64::from));
             let theta = (a[1] * a[2] + b[1] * b[2]) / (a[1] + b[1]);
-            pair.iter().zip([a, b]).for_each(|(t, own)| want[*t as usize] = own[0] + 0.5 * own[3] * theta * theta);
+            for (t, own) in pair.iter().zip([a, b]) {
+                want[*t as usize] = own[0] + 0.5 * own[3] * theta * theta;
+                stresses[*t as usize] = own[3] * theta;
+            }
         }
         let got: Vec<[f32; 4]> = outcome.get("densities");
         expect_close("densities", &column(&got, 0), &want, SUM);
-        assert!((0..2 * n).all(|t| got[t][1..] == rows[t][1..]));
+        assert!((0..2 * n).all(|t| got[t][1..3] == rows[t][1..3]));
+        expect_close("stresses of patches", &column(&got, 3), &stresses, SUM);
     }
 }
 
@@ -203,24 +210,35 @@ fn nodes_have_the_mean_of_their_tetrahedra_and_vertices_that_of_their_nodes() {
     for n in sizes() {
         let densities: Vec<[f32; 4]> =
             (0..50).map(|_| [1.0 + random.next(), 1.1 + random.next(), 5.0, 5.0].map(|x| x as f32)).collect();
+        let pairs: Vec<[f32; 4]> = (0..100).map(|_| [0; 4].map(|_| 1.0 + random.next() as f32)).collect();
         let (first, around) = lists(n, 50, &mut random);
-        let outcome = case("draw/mean")
-            .constant("NODES", n as u32)
-            .input("node_first", &first)
-            .input("node_tetrahedra", if around.is_empty() { &[0] } else { &around })
-            .input("densities", &densities)
-            .output::<f32>("node_values", n)
-            .elements(n)
-            .run();
-        let mean = |i: usize| {
-            let own =
-                around[first[i] as usize..first[i + 1] as usize].iter().map(|t| densities[*t as usize].map(f64::from));
-            let (sum, volume) = own.fold((0.0, 0.0), |(sum, volume), row| (sum + row[0] * row[1], volume + row[1]));
-            if volume > 0.0 { sum / volume } else { 0.0 }
-        };
-        let want: Vec<f64> = (0..n).map(mean).collect();
-        let got: Vec<f32> = outcome.get("node_values");
-        expect_close("means at nodes", &got, &want, SUM);
+        // The number is in one of one or two texels of each tetrahedron.
+        for (numbers, texels, texel, component) in [(&densities, 1, 0, 0), (&pairs, 2, 0, 3), (&pairs, 2, 1, 2)] {
+            let outcome = case("draw/mean")
+                .constant("NODES", n as u32)
+                .constant("TEXELS", texels as u32)
+                .constant("TEXEL", texel as u32)
+                .constant("COMPONENT", component as u32)
+                .input("node_first", &first)
+                .input("node_tetrahedra", if around.is_empty() { &[0] } else { &around })
+                .input("numbers", numbers)
+                .input("densities", &densities)
+                .output::<f32>("node_values", n)
+                .elements(n)
+                .run();
+            let mean = |i: usize| {
+                let own = around[first[i] as usize..first[i + 1] as usize].iter().map(|t| {
+                    let t = *t as usize;
+                    (f64::from(numbers[texels * t + texel][component]), f64::from(densities[t][1]))
+                });
+                let (sum, all) =
+                    own.fold((0.0, 0.0), |(sum, all), (number, volume)| (sum + number * volume, all + volume));
+                if all > 0.0 { sum / all } else { 0.0 }
+            };
+            let want: Vec<f64> = (0..n).map(mean).collect();
+            let got: Vec<f32> = outcome.get("node_values");
+            expect_close("means at nodes", &got, &want, SUM);
+        }
 
         let (nodes, weights) = vertices(n, 50, &mut random);
         let values: Vec<f32> = (0..50).map(|_| random.next() as f32 + 1.0).collect();
@@ -391,20 +409,23 @@ fn shown(simulation: &mut Simulation, field: Field) -> Vec<f32> {
     values
 }
 
-/// Strain energy density and displacement at all skin vertices, computed on the host.
-fn of_host(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
+/// The fields that the tetrahedra or the nodes have, at all skin vertices, computed on the host: strain energy density,
+/// displacement, von Mises's stress and hydrostatic pressure.
+fn of_host(simulation: &Simulation) -> [Vec<f64>; 4] {
     let ranges = simulation.skin_ranges();
     let total = ranges.last().unwrap().end;
-    let (mut energies, mut distances) = (vec![0.0; total], vec![0.0; total]);
+    let mut all = [0; 4].map(|_| vec![0.0; total]);
     for (index, body) in simulation.bodies().iter().enumerate() {
         let Shape::Soft { layer, embedding, frames, node_frames, .. } = &body.shape else { continue };
         let elements = soft_twin(simulation, index).elements;
         let (moved, _) = simulation.nodes(index).unwrap().unwrap();
-        let densities = elements.densities(&moved, &elements.rotations(&moved));
-        let (mut sums, mut volumes) = (vec![0.0; moved.len()], vec![0.0; moved.len()]);
+        let rotations = elements.rotations(&moved);
+        let (densities, stresses) = (elements.densities(&moved, &rotations), elements.stresses(&moved, &rotations));
+        let (mut sums, mut volumes) = (vec![DVec3::ZERO; moved.len()], vec![0.0; moved.len()]);
         for (t, nodes) in layer.tetrahedra.iter().enumerate() {
             for n in nodes {
-                sums[*n as usize] += elements.volumes[t] * densities[t];
+                let [von_mises, pressure] = invariants(stresses[t]);
+                sums[*n as usize] += elements.volumes[t] * DVec3::new(densities[t], von_mises, pressure.max(0.0));
                 volumes[*n as usize] += elements.volumes[t];
             }
         }
@@ -416,11 +437,16 @@ fn of_host(simulation: &Simulation) -> (Vec<f64>, Vec<f64>) {
         for (v, e) in embedding.iter().enumerate() {
             let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|n| n as usize);
             let at = ranges[index].start + v;
-            energies[at] = nodes.iter().zip(e.weights).map(|(n, w)| w * sums[*n] / volumes[*n]).sum::<f64>().max(0.0);
-            distances[at] = nodes.iter().zip(e.weights).map(|(n, w)| w * strayed(*n)).sum::<DVec3>().length();
+            let means: DVec3 = nodes.iter().zip(e.weights).map(|(n, w)| w * sums[*n] / volumes[*n]).sum();
+            let moved: DVec3 = nodes.iter().zip(e.weights).map(|(n, w)| w * strayed(*n)).sum();
+            for (values, value) in
+                all.iter_mut().zip([means.x.max(0.0), moved.length(), means.y.max(0.0), means.z.max(0.0)])
+            {
+                values[at] = value;
+            }
         }
     }
-    (energies, distances)
+    all
 }
 
 /// Depth and pressure at all skin vertices at the start of the last step, from the contacts of that step.
@@ -467,7 +493,7 @@ fn fields_are_what_the_host_knows() {
         let mut has_pressure = name == "a chain";
         for steps in [0, 25, 20] {
             run(&mut simulation, steps);
-            let (energies, distances) = of_host(&simulation);
+            let of_host = of_host(&simulation);
             let (depths, _) = of_contacts(&simulation);
             let got = Field::ALL.map(|field| shown(&mut simulation, field));
             expect_close(&format!("{name}: depth"), &got[0], &depths, Tolerance { abs: 0.0, rel: 0.0 });
@@ -475,14 +501,18 @@ fn fields_are_what_the_host_knows() {
                 got[0].iter().zip(&got[1]).all(|(depth, pressure)| *pressure == 0.0 || *depth > 0.0),
                 "{name}: a vertex has pressure but no depth"
             );
-            for (field, wanted) in [(Field::StrainEnergy, &energies), (Field::Displacement, &distances)] {
+            for (field, wanted) in [Field::StrainEnergy, Field::Displacement, Field::VonMises, Field::Hydrostatic]
+                .into_iter()
+                .zip(&of_host)
+            {
                 let largest = wanted.iter().copied().fold(0.0, f64::max);
-                let tolerance = Tolerance { abs: WHOLE * largest + REST, rel: 0.0 };
+                let rest = if field.unit() == "Pa" { STRESS_AT_REST } else { REST };
+                let tolerance = Tolerance { abs: WHOLE * largest + rest, rel: 0.0 };
                 expect_close(&format!("{name}: {}", field.name()), &got[field as usize], wanted, tolerance);
             }
             assert!(
-                steps == 0 || (got[2].iter().any(|e| *e > 0.0) && got[3].iter().any(|d| *d > 0.0)),
-                "{name}: strain energy or displacement is zero everywhere"
+                steps == 0 || got[2..].iter().all(|values| values.iter().any(|x| *x > 0.0)),
+                "{name}: strain energy, displacement or stress is zero everywhere"
             );
             has_pressure |= got[1].iter().any(|p| *p > 0.0);
         }

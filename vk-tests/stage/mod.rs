@@ -26,5 +26,6 @@ pub mod reach;
 pub mod response;
 pub mod skin;
 pub mod sort;
+pub mod stresses;
 pub mod view;
 pub mod wrench;

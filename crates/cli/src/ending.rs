@@ -88,7 +88,7 @@ mod rendered {
 /// Renders the pictures; the error says in words why there are none.
 #[cfg(feature = "view")]
 pub fn pictures(engine: &mut Engine, tally: &Tally) -> Result<Vec<Shot>, String> {
-    rendered::pictures(engine.shown(), tally).map_err(|error| format!("No picture could be rendered: {error}"))
+    rendered::pictures(engine.simulation_mut(), tally).map_err(|error| format!("No picture could be rendered: {error}"))
 }
 
 /// Renders nothing; the error says that this program was built without rendering.

@@ -86,9 +86,8 @@ impl Engine {
         &self.simulation
     }
 
-    /// The simulation, to be drawn between two steps.
-    #[cfg(feature = "view")]
-    pub fn shown(&mut self) -> &mut Simulation {
+    /// The simulation, to be drawn or read between two steps.
+    pub fn simulation_mut(&mut self) -> &mut Simulation {
         &mut self.simulation
     }
 

@@ -25,7 +25,7 @@ const MOST_PICTURES: f64 = 1e5;
 /// Endings of the names of videos and of other animated images, which are refused.
 const VIDEOS: [&str; 6] = ["mp4", "gif", "webm", "avi", "mov", "mkv"];
 /// Overlays that `--show` accepts, by name.
-const CHOICES: [(&str, Overlay); 10] = [
+const CHOICES: [(&str, Overlay); 12] = [
     ("pressure", Overlay::Pressure),
     ("depth", Overlay::Depth),
     ("force", Overlay::Arrows),
@@ -36,6 +36,8 @@ const CHOICES: [(&str, Overlay); 10] = [
     ("energy", Overlay::Energy),
     ("displacement", Overlay::Displacement),
     ("materials", Overlay::Materials),
+    ("von-mises", Overlay::VonMises),
+    ("hydrostatic", Overlay::Hydrostatic),
 ];
 
 /// Options of `palpate film`.
@@ -75,8 +77,8 @@ pub struct Look {
     /// Point that the camera looks at, m [default: the middle of all bodies]
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     at: Option<glam::DVec3>,
-    /// What to show besides the skins (surface meshes): one of pressure, depth, energy, displacement, materials (as
-    /// colours; materials on the tetrahedra, cut open); and force (arrows), proxies (convex collision hulls), regions
+    /// What to show besides the skins (surface meshes): one of pressure, depth, energy, displacement, von-mises,
+    /// hydrostatic, materials (as colours; materials on the tetrahedra, cut open); and force (arrows), proxies (convex collision hulls), regions
     /// (contact patches), layer (tetrahedra, cut open), cores (rigid cores of soft bodies)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = overlay)]
     show: Vec<Overlay>,
@@ -151,7 +153,7 @@ impl Look {
         match CHOICES.iter().find(|(_, overlay)| self.show.contains(overlay) && !shown.has(*overlay)) {
             None => Ok(shown),
             Some((name, _)) => Err(Error::Usage(format!(
-                "--show {name}: show only one of pressure, depth, energy, displacement and materials"
+                "--show {name}: show only one of pressure, depth, energy, displacement, von-mises, hydrostatic and materials"
             ))),
         }
     }

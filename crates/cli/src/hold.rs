@@ -11,7 +11,7 @@ use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
-use palpate::{Error, Result, Scene, StepReport};
+use palpate::{Error, Result, Scene, Simulation, StepReport};
 use palpate_devices::record::{Header, Recording};
 use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 use palpate_page::Reduced;
@@ -87,16 +87,16 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
 }
 
 /// The environment (source of contact wrenches) of the haptic loop: the engine. `watch` is called with the report of
-/// every step.
+/// every step, and with the simulation after it.
 struct Watched<'a> {
     engine: &'a mut Engine,
-    watch: &'a mut dyn FnMut(&StepReport) -> Result<()>,
+    watch: &'a mut dyn FnMut(&StepReport, &mut Simulation) -> Result<()>,
 }
 
 impl Environment for Watched<'_> {
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let (row, wrench) = self.engine.step_device_input(input, h)?;
-        (self.watch)(&row)?;
+        (self.watch)(&row, self.engine.simulation_mut())?;
         Ok(wrench)
     }
 }
@@ -117,13 +117,14 @@ impl Played {
 }
 
 /// Runs a session with the scene's haptic device for `seconds`, or until a signal ends it, and records the session into
-/// the file `record`, if one is given. `watch` is called with the report of every step.
+/// the file `record`, if one is given. `watch` is called with the report of every step, and with the
+/// simulation after it.
 pub fn hold(
     engine: &mut Engine,
     scene: &Scene,
     seconds: f64,
     record: Option<&Path>,
-    watch: &mut dyn FnMut(&StepReport) -> Result<()>,
+    watch: &mut dyn FnMut(&StepReport, &mut Simulation) -> Result<()>,
     played: &mut Played,
 ) -> Result<Report> {
     let Some(tool) = engine.simulation().tool().cloned() else {

@@ -6,6 +6,7 @@ mod bench;
 mod devices;
 mod ending;
 mod engine;
+mod export;
 #[cfg(feature = "view")]
 mod figures;
 #[cfg(feature = "view")]

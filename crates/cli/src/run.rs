@@ -10,10 +10,11 @@ use palpate::internal::gpu::Arrays;
 use palpate::internal::haptics::session::Report;
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DepthPath, DeviceKind, obj, vtk};
-use palpate::{Error, Flags, Options, Result, Scene, StepReport, Threads};
+use palpate::{Error, Flags, Options, Result, Scene, Simulation, StepReport, Threads};
 use palpate_devices::Replay;
 
 use crate::engine::{self, Engine, Outcome};
+use crate::export::Export;
 use crate::hold::Played;
 use crate::report::felt::{self, Distance};
 use crate::report::haptics::Closing;
@@ -21,7 +22,7 @@ use crate::report::page::{Page, Session, Shot};
 use crate::report::summary::{ClosingTable, RaisedFlags};
 use crate::report::{self, Names, Output, Summary, Tally, Trace, curves};
 use crate::signals::Stop;
-use crate::{ending, hold, print, tell};
+use crate::{ending, export, hold, print, tell};
 
 /// Greatest number of threads that `--threads` accepts.
 const MOST_THREADS: u32 = 1024;
@@ -99,6 +100,8 @@ pub struct Arguments {
     #[cfg(feature = "view")]
     #[command(flatten)]
     look: crate::film::Look,
+    #[command(flatten)]
+    series: export::Arguments,
     /// Directory to write results into; without it nothing is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -220,8 +223,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         engine.time_passes()?;
     }
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
+    let series = Export::begin(&arguments.series, arguments.out.as_deref(), &scene, engine.simulation_mut())?;
     let stop = Stop::new()?;
-    let done = simulate(engine, &stop, &scene, &extent, arguments, output.as_mut())?;
+    let (done, series) = simulate(engine, &stop, &scene, &extent, arguments, output.as_mut(), series)?;
+    let series = series.map(Export::end).transpose()?;
     let page = match output {
         None => "no page was written: give --out DIR for one".into(),
         Some(mut output) => {
@@ -232,9 +237,10 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         }
     };
     let Done { tally, outcome, report, nearest, .. } = &done;
+    let series = series.map(|folder| format!("series: {}\n", folder.display())).unwrap_or_default();
     let remedy = felt::remedy(tally, felt::advice(&scene), nearest.as_ref());
     print(&format!(
-        "{}\n{}{}{}{}{page}\n",
+        "{}\n{}{}{}{}{series}{page}\n",
         felt::headline(tally),
         remedy.map(|remedy| format!("{remedy}\n")).unwrap_or_default(),
         RaisedFlags(tally),
@@ -309,7 +315,8 @@ fn simulate(
     extent: &Extent,
     arguments: &Arguments,
     mut output: Option<&mut Output>,
-) -> Result<Done> {
+    mut series: Option<Export>,
+) -> Result<(Done, Option<Export>)> {
     let names = Names::of(engine.simulation());
     let file = output.as_ref().map(|output| output.path(TRACE)).unwrap_or_default();
     let failed = |source| Error::Output { file: file.clone(), source };
@@ -319,11 +326,14 @@ fn simulate(
     };
     let bar = progress(extent);
     let mut tally = Tally::default();
-    let mut watch = |row: &StepReport| {
+    let mut watch = |row: &StepReport, simulation: &mut Simulation| {
         if let Some(trace) = &mut trace {
             trace.write(row).map_err(failed)?;
         }
         tally.add(row);
+        if let Some(series) = &mut series {
+            series.after(tally.steps, simulation)?;
+        }
         match extent {
             Extent::Steps(_) => bar.inc(1),
             Extent::Seconds(_) => bar.set_position(bar.elapsed().as_millis() as u64),
@@ -335,7 +345,8 @@ fn simulate(
         Extent::Steps(steps) => {
             let mut snapshots = Snapshots::new(arguments, &mut engine)?;
             let mut step = |k| {
-                watch(&engine.step()?)?;
+                let row = engine.step()?;
+                watch(&row, engine.simulation_mut())?;
                 snapshots.after(k, &mut engine, output.as_deref_mut())
             };
             (1..=*steps).take_while(|_| !stop.is_set()).try_for_each(&mut step).map(|()| None)
@@ -367,7 +378,7 @@ fn simulate(
         (true, None) => ending::pictures(&mut engine, &tally),
         (true, Some(_)) => Err("No picture was rendered, since the run was interrupted.".into()),
     };
-    Ok(Done { tally, outcome, report, played, nearest, interrupted, pictures })
+    Ok((Done { tally, outcome, report, played, nearest, interrupted, pictures }, series))
 }
 
 /// Images that are written at regular intervals: the number of steps from one image to the next, and the studio
@@ -379,7 +390,7 @@ struct Snapshots(Option<(u64, palpate_view::Studio)>);
 impl Snapshots {
     fn new(arguments: &Arguments, engine: &mut Engine) -> Result<Snapshots> {
         let Some(every) = arguments.snapshot else { return Ok(Snapshots(None)) };
-        Ok(Snapshots(Some((every, arguments.look.studio(engine.shown())?))))
+        Ok(Snapshots(Some((every, arguments.look.studio(engine.simulation_mut())?))))
     }
 
     fn after(&mut self, step: u64, engine: &mut Engine, output: Option<&mut Output>) -> Result<()> {
@@ -387,7 +398,7 @@ impl Snapshots {
         if !step.is_multiple_of(*every) {
             return Ok(());
         }
-        let picture = studio.picture(engine.shown())?;
+        let picture = studio.picture(engine.simulation_mut())?;
         output.write(&format!("snapshot-{step:06}.png"), |w| picture.write_png(w))
     }
 }

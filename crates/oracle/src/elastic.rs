@@ -338,6 +338,24 @@ impl Elements {
         (0..self.tetrahedra.len()).map(density).collect()
     }
 
+    /// Cauchy's stress of each tetrahedron, P F^T / det F with its stress P, Pa, world axes; zero where det F is not
+    /// positive.
+    pub fn stresses(&self, d: &[DVec3], rotations: &[DQuat]) -> Vec<DMat3> {
+        let strains: Vec<_> =
+            (0..rotations.len()).map(|e| strain(rotations[e].normalize(), self.gradient(e, d))).collect();
+        let pressures = self.patch_pressures(&strains);
+        let stress = |e: usize| {
+            let f = DMat3::IDENTITY + self.gradient(e, d);
+            if f.determinant() <= 0.0 {
+                return DMat3::ZERO;
+            }
+            let of_law = material_law::stress(&self.materials[e], self.own_lambda(e), strains[e]) + pressures[e];
+            let cauchy = DMat3::from_quat(rotations[e].normalize()) * of_law * f.transpose() * f.determinant().recip();
+            self.frame * cauchy * self.frame.transpose()
+        };
+        (0..self.tetrahedra.len()).map(stress).collect()
+    }
+
     /// A copy of these elements, with the operators linearised at displacements `d` (m, rest axes).
     pub fn linearised(&self, d: &[DVec3], rotations: &[DQuat]) -> Self {
         let operator = |e: usize| {

@@ -60,6 +60,8 @@ pub fn map(field: Field) -> colorous::Gradient {
         Field::Depth | Field::StrainEnergy => colorous::VIRIDIS,
         Field::Pressure => colorous::PLASMA,
         Field::Displacement => colorous::CIVIDIS,
+        Field::VonMises => colorous::INFERNO,
+        Field::Hydrostatic => colorous::MAGMA,
     }
 }
 

@@ -28,12 +28,16 @@ pub enum Overlay {
     Displacement,
     /// Materials of bodies and of their material regions as colours, on the tetrahedral mesh (layer) cut open.
     Materials,
+    /// Von Mises's stress as colours.
+    VonMises,
+    /// Hydrostatic pressure as colours.
+    Hydrostatic,
 }
 
 impl Overlay {
     /// Every overlay with its name. The key that toggles an overlay is the overlay's number in this list, from 1; the
-    /// key of the tenth overlay is 0.
-    pub const ALL: [(Overlay, &'static str); 10] = [
+    /// keys of the last three are 0, v and p.
+    pub const ALL: [(Overlay, &'static str); 12] = [
         (Overlay::Pressure, "pressure"),
         (Overlay::Depth, "depth"),
         (Overlay::Arrows, "force and torque"),
@@ -44,11 +48,20 @@ impl Overlay {
         (Overlay::Energy, "strain energy"),
         (Overlay::Displacement, "displacement"),
         (Overlay::Materials, "materials"),
+        (Overlay::VonMises, "von Mises stress"),
+        (Overlay::Hydrostatic, "hydrostatic pressure"),
     ];
 
     /// Overlays that colour the bodies; only one of them is shown at a time.
-    pub const COLOURS: [Overlay; 5] =
-        [Overlay::Pressure, Overlay::Depth, Overlay::Energy, Overlay::Displacement, Overlay::Materials];
+    pub const COLOURS: [Overlay; 7] = [
+        Overlay::Pressure,
+        Overlay::Depth,
+        Overlay::Energy,
+        Overlay::Displacement,
+        Overlay::Materials,
+        Overlay::VonMises,
+        Overlay::Hydrostatic,
+    ];
 }
 
 /// The set of the overlays that are shown.
@@ -84,6 +97,8 @@ impl Overlays {
             (Overlay::Depth, Field::Depth),
             (Overlay::Energy, Field::StrainEnergy),
             (Overlay::Displacement, Field::Displacement),
+            (Overlay::VonMises, Field::VonMises),
+            (Overlay::Hydrostatic, Field::Hydrostatic),
         ];
         all.into_iter().find(|(overlay, _)| self.has(*overlay)).map(|(_, field)| field)
     }
@@ -110,7 +125,7 @@ mod tests {
             assert!(shown.has(overlay));
         }
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
-        assert_eq!(left, 6, "one of the five overlays that colour bodies and all five others must be shown");
+        assert_eq!(left, 6, "one of the overlays that colour bodies and all five others must be shown");
         assert!(shown.opens_layers() && Overlays::of(&[Overlay::Materials]).opens_layers());
         shown.toggle(Overlay::Materials);
         shown.toggle(Overlay::Arrows);

@@ -85,7 +85,7 @@ pub struct Source<'a> {
 
 /// Whether a field has values everywhere in a body, and not only where bodies touch.
 pub fn is_of_bodies(field: Field) -> bool {
-    matches!(field, Field::StrainEnergy | Field::Displacement)
+    !matches!(field, Field::Depth | Field::Pressure)
 }
 
 impl Pieces {

@@ -1,5 +1,5 @@
 //! Scalar fields that are shown as colours on the skins (surface meshes): contact depth and pressure, strain energy,
-//! displacement. The fields are computed from the state that a step leaves, without changing it. A frame is a rigid
+//! displacement, stress. The fields are computed from the state that a step leaves, without changing it. A frame is a rigid
 //! coordinate frame, a core a rigid body inside a soft one, to which nodes are attached.
 
 use std::ops::Range;
@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 use super::super::contact::Touch;
 use super::super::elastic::Elastic;
-use super::super::material_law;
 use super::super::model::Model;
 use super::super::{Common, array, count, upload};
+use super::elements::{ElementFields, group};
 use super::{Draw, Points, lists};
 use crate::Result;
-use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
+use crate::gpu::{Buffer, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
-use crate::shaders::{Contact, NONE};
+use crate::shaders::Contact;
 
 /// A scalar field to colour the skins by. Its values are finite and never negative.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -37,11 +37,20 @@ pub enum Field {
     /// the body's nodes). Rigid motion of the whole body is no part of it; in a body with fixed cores the field is the
     /// distance from the vertex's place at rest. Zero on rigid bodies.
     Displacement,
+    /// Von Mises's stress, Pa, of Cauchy's stress in the tetrahedra, taken to the skin as the strain energy density is.
+    VonMises,
+    /// Hydrostatic pressure, Pa: minus a third of the trace of Cauchy's stress in the tetrahedra, where that is positive;
+    /// zero in a tetrahedron under tension. It is taken to the skin as the strain energy density is.
+    Hydrostatic,
 }
+
+/// Number of fields.
+pub const FIELDS: usize = 6;
 
 impl Field {
     /// All fields.
-    pub const ALL: [Field; 4] = [Field::Depth, Field::Pressure, Field::StrainEnergy, Field::Displacement];
+    pub const ALL: [Field; FIELDS] =
+        [Field::Depth, Field::Pressure, Field::StrainEnergy, Field::Displacement, Field::VonMises, Field::Hydrostatic];
 
     /// Name of the field.
     pub fn name(self) -> &'static str {
@@ -50,6 +59,8 @@ impl Field {
             Field::Pressure => "pressure",
             Field::StrainEnergy => "strain energy density",
             Field::Displacement => "displacement",
+            Field::VonMises => "von Mises stress",
+            Field::Hydrostatic => "hydrostatic pressure",
         }
     }
 
@@ -57,7 +68,7 @@ impl Field {
     pub fn unit(self) -> &'static str {
         match self {
             Field::Depth | Field::Displacement => "m",
-            Field::Pressure => "Pa",
+            Field::Pressure | Field::VonMises | Field::Hydrostatic => "Pa",
             Field::StrainEnergy => "J/m^3",
         }
     }
@@ -66,24 +77,24 @@ impl Field {
 /// Kernels and arrays of the fields.
 pub struct Fields {
     touched: Option<Kernel>,
-    energy: Kernel,
-    share: Option<Patches>,
-    mean: Kernel,
+    /// Energy and stress of the tetrahedra.
+    pub elements: ElementFields,
+    /// Means of strain energy density, of von Mises's stress and of hydrostatic pressure.
+    means: [Kernel; 3],
     spread: Kernel,
     moved: Kernel,
     most: Kernel,
     node_first: Buffer,
     node_tetrahedra: Buffer,
-    densities: Buffer,
     node_values: Buffer,
     ranges: Buffer,
     /// One u32, written by the host: whether the GPU still holds the contact forces that the solver applied in the last
     /// step.
     pub is_solved: Buffer,
     /// One float per skin vertex; an array for each [`Field`].
-    pub values: [Buffer; 4],
+    pub values: [Buffer; FIELDS],
     /// One float per body, the tool's last: the greatest value of its vertices; an array for each [`Field`].
-    pub most_values: [Buffer; 4],
+    pub most_values: [Buffer; FIELDS],
 }
 
 /// Names by which kernels may bind a field's array. The kernel for contacts writes depths and pressures at once and
@@ -92,17 +103,8 @@ fn roles(field: Field) -> &'static [&'static str] {
     match field {
         Field::Depth => &["depths", "values"],
         Field::Pressure => &["pressures", "values"],
-        Field::StrainEnergy | Field::Displacement => &["values"],
+        _ => &["values"],
     }
-}
-
-/// The F-bar patches (groups of tetrahedra that share one volumetric strain), with the kernel that adds the energy of
-/// this strain.
-struct Patches {
-    kernel: Kernel,
-    count: u32,
-    first: Buffer,
-    members: Buffer,
 }
 
 impl Fields {
@@ -117,57 +119,38 @@ impl Fields {
         let (vertices, nodes) = (model.skin_nodes.len(), model.node_rest.len());
         let corners = model.tetrahedra.iter().zip(0..).flat_map(|(nodes, t)| nodes.map(|node| (node, t)));
         let (node_first, node_tetrahedra) = lists(nodes, corners);
-        let group = |name: &str, constants: &[(&str, Const)]| Kernel::new(context, name, Size::Group, constants);
-        let share = || -> Result<Patches> {
-            let patches = model.patches.of.iter().zip(0..).filter(|(patch, _)| **patch != NONE);
-            let (first, members) = lists(model.patches.count(), patches.map(|(patch, t)| (*patch, t)));
-            Ok(Patches {
-                kernel: group("draw/share", &[("PATCHES", count(model.patches.count()))])?,
-                count: model.patches.count() as u32,
-                first: upload(context, "patch_first", &first)?,
-                members: upload(context, "patch_members", &members)?,
-            })
-        };
         let touched = |touch: &Touch| {
             let capacity = touch.contacts.bytes() as usize / size_of::<Contact>();
-            group("draw/touched", &[("CAPACITY", count(capacity))])
+            group(context, "draw/touched", &[("CAPACITY", count(capacity))])
         };
+        let mean = |[texels, texel, component]: [u32; 3]| {
+            let place = [("TEXELS", texels.into()), ("TEXEL", texel.into()), ("COMPONENT", component.into())];
+            group(context, "draw/mean", &[&[("NODES", count(nodes))], &place[..]].concat())
+        };
+        let [energies_mean, von_mises_mean, hydrostatic_mean] = [[1, 0, 0], [2, 0, 3], [2, 1, 3]].map(mean);
         let rows: Vec<[u32; 2]> = ranges.iter().map(|range| [range.start as u32, range.end as u32]).collect();
-        let has_patches = model.patches.count() > 0;
         // The arrays are padded to whole texels of 16 bytes.
         let bytes = (4 * vertices.max(1)).next_multiple_of(16) as u64;
-        let [depths, pressures, energies, distances]: [Result<Buffer>; 4] =
-            Field::ALL.map(|field| Ok(Buffer::shared(context, field.name(), bytes)?.known_as(roles(field))));
+        let values = |field: Field| Ok(Buffer::shared(context, field.name(), bytes)?.known_as(roles(field)));
         let most = |field: Field| -> Result<Buffer> {
             let name = format!("greatest {}", field.name());
             let most = Buffer::new(context, &name, (4 * rows.len().max(1)) as u64, Memory::Readback)?;
             Ok(most.known_as(&["most"]))
         };
-        let [most_depths, most_pressures, most_energies, most_distances] = Field::ALL.map(most);
         Ok(Fields {
             touched: touch.map(touched).transpose()?,
-            energy: group(
-                "draw/energy",
-                &[
-                    ("TETRAHEDRA", count(model.tetrahedra.len())),
-                    ("SPANS", model.spans_frames().into()),
-                    ("PATCHES", has_patches.into()),
-                    ("LAWS", material_law::laws_of(&model.materials).into()),
-                ],
-            )?,
-            share: has_patches.then(share).transpose()?,
-            mean: group("draw/mean", &[("NODES", count(nodes))])?,
-            spread: group("draw/spread", &[])?,
-            moved: group("draw/moved", &[])?,
+            elements: ElementFields::new(context, model)?,
+            means: [energies_mean?, von_mises_mean?, hydrostatic_mean?],
+            spread: group(context, "draw/spread", &[])?,
+            moved: group(context, "draw/moved", &[])?,
             most: Kernel::new(context, "draw/most", Size::Reduce, &[])?,
             node_first: upload(context, "node_first", &node_first)?,
             node_tetrahedra: upload(context, "node_tetrahedra", &node_tetrahedra)?,
-            densities: array::<[f32; 4]>(context, "densities", model.tetrahedra.len())?,
             node_values: array::<f32>(context, "node_values", nodes)?,
             ranges: upload(context, "ranges", &rows)?,
             is_solved: Buffer::new(context, "is_solved", 4, Memory::Upload)?,
-            values: [depths?, pressures?, energies?, distances?],
-            most_values: [most_depths?, most_pressures?, most_energies?, most_distances?],
+            values: of_all(values)?,
+            most_values: of_all(most)?,
         })
     }
 
@@ -209,8 +192,8 @@ impl Fields {
         recorder.stage("draw");
         match field {
             Field::Depth | Field::Pressure => recorder.fill(values, 0),
-            Field::StrainEnergy => {
-                self.record_energy(recorder, draw, elastic);
+            Field::StrainEnergy | Field::VonMises | Field::Hydrostatic => {
+                self.record_mean(recorder, field, draw, elastic);
                 let arguments = shaders::draw::Spread {
                     vertices: points.count,
                     skin_nodes: &points.nodes,
@@ -262,36 +245,31 @@ impl Fields {
         recorder.dispatch(touched, &arguments, capacity as u32);
     }
 
-    /// Records the passes that compute the strain energy density at the nodes.
-    fn record_energy(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
-        let arguments = shaders::draw::Energy {
-            materials: &elastic.materials,
-            tetrahedra: &elastic.tetrahedra,
-            rest_gradients: &elastic.rest_gradients,
-            element_info: &elastic.element_info,
-            displacement: &elastic.displacement,
-            tetrahedron_links: elastic.tetrahedron_links.as_ref(),
-            node_rest: Some(&elastic.node_rest),
-            links: Some(&draw.links),
-            patch_of: elastic.mean_dilatation.as_ref().map(|mean_dilatation| &mean_dilatation.patch_of),
-            rotations: &elastic.rotations,
-            densities: &self.densities,
+    /// Records the passes that compute a field of the tetrahedra at the nodes.
+    fn record_mean(&self, recorder: &mut Recorder, field: Field, draw: &Draw, elastic: &Elastic) {
+        self.elements.record_energy(recorder, draw, elastic);
+        let (densities, stresses) = (&self.elements.densities, &self.elements.stresses);
+        let (mean, numbers) = match field {
+            Field::VonMises => (&self.means[1], stresses),
+            Field::Hydrostatic => (&self.means[2], stresses),
+            _ => (&self.means[0], densities),
         };
-        recorder.dispatch(&self.energy, &arguments, elastic.tetrahedron_count as u32);
-        if let Some(patches) = &self.share {
-            let arguments = shaders::draw::Share {
-                patch_first: &patches.first,
-                patch_members: &patches.members,
-                densities: &self.densities,
-            };
-            recorder.dispatch(&patches.kernel, &arguments, patches.count);
+        if field != Field::StrainEnergy {
+            self.elements.record_stress(recorder, draw, elastic);
         }
         let arguments = shaders::draw::Mean {
             node_first: &self.node_first,
             node_tetrahedra: &self.node_tetrahedra,
-            densities: &self.densities,
+            numbers,
+            densities,
             node_values: &self.node_values,
         };
-        recorder.dispatch(&self.mean, &arguments, elastic.node_count as u32);
+        recorder.dispatch(mean, &arguments, elastic.node_count as u32);
     }
+}
+
+/// One item for each field.
+pub fn of_all<T>(make: impl Fn(Field) -> Result<T>) -> Result<[T; FIELDS]> {
+    let [a, b, c, d, e, f] = Field::ALL.map(make);
+    Ok([a?, b?, c?, d?, e?, f?])
 }

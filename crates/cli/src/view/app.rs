@@ -231,7 +231,7 @@ impl App {
             }
             KeyCode::KeyH | KeyCode::F1 => self.panel.shows_help = !self.panel.shows_help,
             other => {
-                let digits = [
+                let keys = [
                     KeyCode::Digit1,
                     KeyCode::Digit2,
                     KeyCode::Digit3,
@@ -242,8 +242,10 @@ impl App {
                     KeyCode::Digit8,
                     KeyCode::Digit9,
                     KeyCode::Digit0,
+                    KeyCode::KeyV,
+                    KeyCode::KeyP,
                 ];
-                let overlay = digits.iter().position(|digit| *digit == other).map(|k| Overlay::ALL[k].0);
+                let overlay = keys.iter().position(|key| *key == other).map(|k| Overlay::ALL[k].0);
                 overlay.into_iter().for_each(|overlay| self.panel.overlays.toggle(overlay));
             }
         }

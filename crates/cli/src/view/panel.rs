@@ -30,7 +30,7 @@ const STAGES: usize = 6;
 const HELP: &str = "left drag: move the tool   with wheel: in depth\narrows, q, e: turn the tool\nright drag: orbit   \
     middle drag: pan   wheel: zoom\nspace: pause   . : one step   r: reset\ns: save an image   t: start or end a \
     recording\n1 pressure   2 depth   3 force\n4 proxies   5 contact patches   6 layer   7 cores\n8 strain energy   \
-    9 displacement   0 materials\nh: this help   Esc: close";
+    9 displacement   0 materials\nv von Mises stress   p hydrostatic pressure\nh: this help   Esc: close";
 
 /// State of the panel between frames.
 pub struct Panel {

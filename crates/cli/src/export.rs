@@ -1,0 +1,178 @@
+//! `palpate run --export`: the bodies, the fields of the soft ones and the contacts over time, as VTK files for ParaView
+//! and Python. What a moment needs is copied between two steps; a thread of its own makes files of it while steps go on.
+//! A step waits only where that thread is [`AHEAD`] moments behind, so that none is lost.
+
+mod fields;
+mod files;
+mod moment;
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+use palpate::{Error, Result, Scene, Simulation};
+
+use crate::report::Output;
+use crate::run::{positive, steps};
+use files::Files;
+use moment::Moment;
+
+/// Number of moments that may wait to be written.
+const AHEAD: usize = 4;
+/// Moments of a simulated second, where nothing else is asked for.
+const FPS: f64 = 25.0;
+
+/// Options of `palpate run` on series of files.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Directory to write the bodies, their fields and the contacts over time into, as VTK files for ParaView: for each
+    /// body and for the contacts a .pvd file, which lists a .vtu file for each moment
+    #[arg(long, value_name = "DIR", conflicts_with = "explain")]
+    export: Option<PathBuf>,
+    /// Write a moment every N steps
+    #[arg(long, value_name = "N", requires = "export", conflicts_with = "fps", value_parser = steps, allow_negative_numbers = true)]
+    every: Option<u64>,
+    /// Moments to write per simulated second [default: 25]
+    #[arg(long, value_name = "F", requires = "export", value_parser = positive, allow_negative_numbers = true)]
+    fps: Option<f64>,
+    /// How well the series is compressed, from 1 (fast) to 9 (small); 0 does not compress
+    #[arg(long, value_name = "N", requires = "export", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=9))]
+    compression: u8,
+}
+
+/// A series of files that is being written.
+pub struct Export {
+    folder: PathBuf,
+    schedule: Schedule,
+    moments: SyncSender<Moment>,
+    /// `None` once its failure was told.
+    writer: Option<JoinHandle<Result<Output>>>,
+}
+
+/// Which moments are written.
+enum Schedule {
+    /// Every so many steps.
+    Steps(u64),
+    /// So many in a simulated second. `next`: number of the next one.
+    Frames { per_second: f64, next: f64 },
+}
+
+impl Schedule {
+    /// Whether the moment after so many steps, at `time` (s), is one; at each moment this is asked once.
+    fn is_due(&mut self, steps: u64, time: f64) -> bool {
+        match self {
+            Schedule::Steps(every) => steps.is_multiple_of(*every),
+            Schedule::Frames { per_second, next } => {
+                // Times are sums of steps, and a little wrong.
+                let now = (time * *per_second + 1e-6).floor();
+                let is_due = now >= *next;
+                *next = next.max(now + 1.0);
+                is_due
+            }
+        }
+    }
+}
+
+impl Export {
+    /// Begins a series where one is asked for, with the bodies as they are before the first step. `results`: the
+    /// directory that the run's results go into.
+    pub fn begin(
+        arguments: &Arguments,
+        results: Option<&Path>,
+        scene: &Scene,
+        simulation: &mut Simulation,
+    ) -> Result<Option<Export>> {
+        let Some(folder) = &arguments.export else { return Ok(None) };
+        if results == Some(folder) {
+            let what = "--out and --export give the same directory";
+            return Err(Error::Usage(format!(
+                "{what}: give two, such as --export {}",
+                folder.join("series").display()
+            )));
+        }
+        let per_second = arguments.fps.unwrap_or(FPS.min(1.0 / scene.step.dt));
+        if per_second * scene.step.dt > 1.0 + 1e-9 {
+            let problem = format!("{per_second:?} moments per simulated second are more than there are steps");
+            return Err(Error::key(&scene.file, "step.dt", problem, "give a smaller --fps, or --every 1"));
+        }
+        let schedule = match arguments.every {
+            Some(every) => Schedule::Steps(every),
+            None => Schedule::Frames { per_second, next: 0.0 },
+        };
+        let output = Output::create(folder)?;
+        let files = Files::new(simulation, output, arguments.compression);
+        let (moments, received) = sync_channel(AHEAD);
+        let writer = std::thread::Builder::new()
+            .name("export".into())
+            .spawn(move || write(files, &received))
+            .map_err(|source| Error::Output { file: folder.clone(), source })?;
+        let mut export = Export { folder: folder.clone(), schedule, moments, writer: Some(writer) };
+        export.after(0, simulation)?;
+        Ok(Some(export))
+    }
+
+    /// Takes the present moment, after so many steps, if it is due.
+    pub fn after(&mut self, steps: u64, simulation: &mut Simulation) -> Result<()> {
+        if !self.schedule.is_due(steps, simulation.time()) {
+            return Ok(());
+        }
+        if self.moments.send(Moment::of(steps, simulation)?).is_err() {
+            return self.failure();
+        }
+        Ok(())
+    }
+
+    /// The error for which the writer ended.
+    fn failure(&mut self) -> Result<()> {
+        joined(self.writer.take(), &self.folder).map(drop)
+    }
+
+    /// Waits until all is written, gives the files their names, and returns the directory.
+    pub fn end(self) -> Result<PathBuf> {
+        let Export { folder, moments, writer, .. } = self;
+        drop(moments);
+        joined(writer, &folder)?.commit()?;
+        Ok(folder)
+    }
+}
+
+/// What the writer has written into `folder`, at its end.
+fn joined(writer: Option<JoinHandle<Result<Output>>>, folder: &Path) -> Result<Output> {
+    let lost = || Error::Simulation(format!("internal error: the series {} is not written", folder.display()));
+    writer.and_then(|writer| writer.join().ok()).ok_or_else(lost)?
+}
+
+/// Writes all moments that come, then the lists of files.
+fn write(mut files: Files, moments: &Receiver<Moment>) -> Result<Output> {
+    for moment in moments {
+        files.write(moment)?;
+    }
+    files.end()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers of the steps of `h` seconds after which a moment is written.
+    fn due(mut schedule: Schedule, h: f64, count: u64) -> Vec<u64> {
+        let mut time = 0.0;
+        let mut is_due = |k: u64| {
+            time += if k == 0 { 0.0 } else { h };
+            schedule.is_due(k, time)
+        };
+        (0..=count).filter(|k| is_due(*k)).collect()
+    }
+
+    #[test]
+    fn moments_are_due_by_steps_or_by_time() {
+        assert_eq!(due(Schedule::Steps(3), 0.005, 10), [0, 3, 6, 9]);
+        let frames = |per_second| Schedule::Frames { per_second, next: 0.0 };
+        assert_eq!(due(frames(25.0), 0.005, 24), [0, 8, 16, 24]);
+        // A moment is that of the first step that ends no earlier.
+        assert_eq!(due(frames(30.0), 0.01, 10), [0, 4, 7, 10]);
+        assert_eq!(due(frames(1e3), 1e-3, 1000).len(), 1001);
+        // Steps that are too long for the rate give one moment each.
+        assert_eq!(due(frames(1e3), 0.005, 3), [0, 1, 2, 3]);
+    }
+}

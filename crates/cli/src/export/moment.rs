@@ -1,0 +1,53 @@
+//! What a moment of a series holds: a copy of the state between two steps.
+
+use glam::DVec3;
+use palpate::internal::prepare::Shape;
+use palpate::internal::step::TetrahedronFields;
+use palpate::{ContactPoint, Result, Simulation};
+
+/// The state after a step.
+pub struct Moment {
+    /// Steps done.
+    pub steps: u64,
+    /// Time, s.
+    pub time: f64,
+    /// One for each body, the tool's last if it has a body of its own.
+    pub bodies: Vec<State>,
+    /// Fields of the tetrahedra of all soft bodies, one body after another.
+    pub tetrahedra: Option<TetrahedronFields>,
+    pub contacts: Vec<ContactPoint>,
+}
+
+/// State of a body.
+pub enum State {
+    Soft {
+        /// Displacements of the nodes in the body's own axes, m.
+        displacement: Vec<DVec3>,
+        /// Velocities of the nodes, world axes, m/s.
+        velocity: Vec<DVec3>,
+        /// Contact forces on the vertices of the skin, world axes, N.
+        contact_force: Vec<DVec3>,
+    },
+    Rigid {
+        /// World positions of the vertices of the skin, m; none for a half-space.
+        vertices: Vec<DVec3>,
+    },
+}
+
+impl Moment {
+    /// Reads the present state.
+    pub fn of(steps: u64, simulation: &mut Simulation) -> Result<Moment> {
+        let count = simulation.skin_ranges().len();
+        let is_soft = simulation.bodies().iter().any(|body| matches!(body.shape, Shape::Soft { .. }));
+        let tetrahedra = if is_soft { Some(simulation.tetrahedron_fields()?) } else { None };
+        let bodies = (0..count).map(|body| match simulation.bodies().get(body).map(|body| &body.shape) {
+            Some(Shape::Soft { .. }) => {
+                let (displacement, velocity) = simulation.nodes(body)?.unwrap_or_default();
+                Ok(State::Soft { displacement, velocity, contact_force: simulation.contact_forces(body)? })
+            }
+            _ => Ok(State::Rigid { vertices: simulation.vertex_positions(body)? }),
+        });
+        let bodies = bodies.collect::<Result<_>>()?;
+        Ok(Moment { steps, time: simulation.time(), bodies, tetrahedra, contacts: simulation.contacts()? })
+    }
+}

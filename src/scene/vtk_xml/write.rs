@@ -1,0 +1,216 @@
+//! Writes unstructured grids as VTK XML files (`.vtu`), and the files (`.pvd`) that list such files with their times.
+//! Arrays are base64 in their place, compressed by zlib or not; the same arrays give the same bytes.
+
+use std::io::Write;
+
+use data_encoding::BASE64;
+use miniz_oxide::deflate::compress_to_vec_zlib;
+
+/// Bytes of an array that are compressed at a time.
+const BLOCK: usize = 1 << 16;
+/// The library that compresses; written into every compressed file, since another version may give other bytes.
+const COMPRESSOR: &str = "miniz_oxide 0.9.1";
+
+/// The numbers of an array.
+pub enum Numbers<'a> {
+    /// Floating-point numbers in single precision.
+    F32(&'a [f32]),
+    /// Floating-point numbers in double precision.
+    F64(&'a [f64]),
+    /// Whole numbers.
+    I32(&'a [i32]),
+    /// Whole numbers from 0 to 255.
+    U8(&'a [u8]),
+}
+
+/// An array with a name, as text of the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array(String);
+
+/// Encodes arrays at one level of compression.
+#[derive(Clone, Copy, Debug)]
+pub struct Encoder {
+    /// From 1 (fast) to 9 (small), or 0: not compressed.
+    pub level: u8,
+}
+
+/// Arrays of a grid that have a number, or several, for each point, or for each cell.
+#[derive(Default)]
+pub struct Data {
+    /// Of points.
+    pub points: Vec<Array>,
+    /// Of cells.
+    pub cells: Vec<Array>,
+}
+
+/// The cells of a grid, all of one kind, as text of a file.
+#[derive(Clone)]
+pub struct Cells {
+    text: String,
+    count: usize,
+}
+
+impl Encoder {
+    /// An array called `name`, with `components` numbers for each point or cell, 1 of them unless it is a vector.
+    pub fn array(self, name: &str, components: usize, numbers: &Numbers) -> Array {
+        let (kind, bytes) = match numbers {
+            Numbers::F32(all) => ("Float32", bytes_of(all, |x| x.to_le_bytes())),
+            Numbers::F64(all) => ("Float64", bytes_of(all, |x| x.to_le_bytes())),
+            Numbers::I32(all) => ("Int32", bytes_of(all, |x| x.to_le_bytes())),
+            Numbers::U8(all) => ("UInt8", all.to_vec()),
+        };
+        let data = self.encoded(&bytes);
+        Array(format!(
+            "<DataArray type=\"{kind}\" Name=\"{}\" NumberOfComponents=\"{components}\" format=\"binary\">{data}</DataArray>\n",
+            escaped(name)
+        ))
+    }
+
+    /// Cells of the VTK type `kind` with `N` points each.
+    pub fn cells<const N: usize>(self, kind: u8, all: &[[u32; N]]) -> Cells {
+        let connectivity: Vec<i32> = all.iter().flatten().map(|point| *point as i32).collect();
+        let offsets: Vec<i32> = (1..=all.len()).map(|k| (N * k) as i32).collect();
+        let arrays = [
+            self.array("connectivity", 1, &Numbers::I32(&connectivity)),
+            self.array("offsets", 1, &Numbers::I32(&offsets)),
+            self.array("types", 1, &Numbers::U8(&vec![kind; all.len()])),
+        ];
+        Cells { text: arrays.map(|Array(text)| text).concat(), count: all.len() }
+    }
+
+    /// Writes a file with one grid. `points` has three coordinates for each point.
+    pub fn write(
+        self,
+        w: &mut impl Write,
+        time: f64,
+        points: &[f64],
+        cells: &Cells,
+        data: &Data,
+    ) -> std::io::Result<()> {
+        let Array(points_text) = self.array("Points", 3, &Numbers::F64(points));
+        let text = |arrays: &[Array]| arrays.iter().map(|Array(text)| text.as_str()).collect::<String>();
+        let (compressor, with) = match self.level {
+            0 => ("", "not compressed".into()),
+            level => (" compressor=\"vtkZLibDataCompressor\"", format!("compressed by {COMPRESSOR}, level {level}")),
+        };
+        write!(
+            w,
+            "<?xml version=\"1.0\"?>\n<!-- written by palpate {}, {with} -->\n\
+             <VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\"\
+             {compressor}>\n<UnstructuredGrid>\n<FieldData>\n\
+             <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{time:?}</DataArray>\n\
+             </FieldData>\n<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n<PointData>\n{}</PointData>\n\
+             <CellData>\n{}</CellData>\n<Points>\n{points_text}</Points>\n<Cells>\n{}</Cells>\n</Piece>\n\
+             </UnstructuredGrid>\n</VTKFile>\n",
+            env!("CARGO_PKG_VERSION"),
+            points.len() / 3,
+            cells.count,
+            text(&data.points),
+            text(&data.cells),
+            cells.text,
+        )
+    }
+
+    /// Bytes as base64 with a header. That of compressed bytes has the number of blocks, the size of a block, that of the
+    /// last one if it is smaller, and the compressed size of each; that of others the number of bytes.
+    fn encoded(self, bytes: &[u8]) -> String {
+        let header = |numbers: &[usize]| BASE64.encode(&bytes_of(numbers, |x| (*x as u64).to_le_bytes()));
+        if self.level == 0 {
+            return header(&[bytes.len()]) + &BASE64.encode(bytes);
+        }
+        let mut numbers = vec![bytes.len().div_ceil(BLOCK), BLOCK, bytes.len() % BLOCK];
+        let mut all = Vec::new();
+        for block in bytes.chunks(BLOCK) {
+            let block = compress_to_vec_zlib(block, self.level);
+            numbers.push(block.len());
+            all.extend(block);
+        }
+        header(&numbers) + &BASE64.encode(&all)
+    }
+}
+
+fn bytes_of<T, const N: usize>(all: &[T], bytes: impl Fn(&T) -> [u8; N]) -> Vec<u8> {
+    all.iter().flat_map(bytes).collect()
+}
+
+/// Text within an attribute in double quotes.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+/// Writes a file that lists others with their times, s.
+pub fn write_series(w: &mut impl Write, files: &[(f64, String)]) -> std::io::Result<()> {
+    let line = |(time, file): &(f64, String)| {
+        format!("<DataSet timestep=\"{time:?}\" part=\"0\" file=\"{}\"/>\n", escaped(file))
+    };
+    let text: String = files.iter().map(line).collect();
+    write!(
+        w,
+        "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" byte_order=\"LittleEndian\">\n\
+         <Collection>\n{text}</Collection>\n</VTKFile>\n"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::super::{read, read_surface};
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_again_at_every_level() {
+        let folder = tempfile::tempdir().unwrap();
+        // Tetrahedra and triangles with nodes of their own, more than fit into a block; then no point.
+        let corner = |k: u32, [x, y, z]: [f64; 3]| [f64::from(k) / 7.0 + x, y, z];
+        let corners = |k| [[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.5]].map(|at| corner(k, at));
+        let points: Vec<f64> = (0..750).flat_map(corners).flatten().collect();
+        let tetrahedra: Vec<[u32; 4]> = (0..750).map(|k| [0, 1, 2, 3].map(|node| 4 * k + node)).collect();
+        let triangles: Vec<[u32; 3]> = (0..750).map(|k| [2, 0, 1].map(|node| 4 * k + node)).collect();
+        let groups: Vec<i32> = (0..750).map(|k| k % 5).collect();
+        for level in [0, 1, 9] {
+            let encoder = Encoder { level };
+            let file = folder.path().join("grid.vtu");
+            let cells = vec![encoder.array("group", 1, &Numbers::I32(&groups))];
+            let data = Data { points: vec![encoder.array("a < \"b\" & c", 1, &Numbers::F32(&[0.5; 3000]))], cells };
+            let mut bytes = Vec::new();
+            encoder.write(&mut bytes, 0.25, &points, &encoder.cells(10, &tetrahedra), &data).unwrap();
+            fs::write(&file, &bytes).unwrap();
+            let mesh = read(&file).unwrap();
+            let got: Vec<f64> = mesh.nodes.iter().flat_map(|x| x.to_array()).collect();
+            assert!(got == points && mesh.tetrahedra == tetrahedra && mesh.notes.is_empty(), "level {level}");
+            assert_eq!(mesh.groups.of, groups.iter().map(|group| Some((*group).into())).collect::<Vec<_>>());
+            let text = String::from_utf8(bytes).unwrap();
+            assert_eq!(text.contains(COMPRESSOR), level > 0);
+            let document = roxmltree::Document::parse(&text).unwrap();
+            let named = |name: &str| document.descendants().any(|node| node.attribute("Name") == Some(name));
+            assert!(named("a < \"b\" & c") && named("TimeValue"));
+
+            let mut bytes = Vec::new();
+            encoder.write(&mut bytes, 0.0, &points, &encoder.cells(5, &triangles), &Data::default()).unwrap();
+            fs::write(&file, bytes).unwrap();
+            assert_eq!(read_surface(&file).unwrap().mesh.triangles.len(), 750);
+            let mut bytes = Vec::new();
+            encoder.write(&mut bytes, 0.0, &[], &encoder.cells::<1>(1, &[]), &Data::default()).unwrap();
+            assert!(roxmltree::Document::parse(std::str::from_utf8(&bytes).unwrap()).is_ok());
+        }
+    }
+
+    #[test]
+    fn the_compressor_that_files_name_is_the_one_in_use() {
+        let lock = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.lock")).unwrap();
+        let lock: toml::Table = lock.parse().unwrap();
+        let packages = lock["package"].as_array().unwrap();
+        let engine = packages.iter().find(|package| package["name"].as_str() == Some("palpate")).unwrap();
+        let uses = engine["dependencies"].as_array().unwrap().iter().filter_map(|name| name.as_str());
+        let versions: Vec<&str> = packages
+            .iter()
+            .filter(|package| package["name"].as_str() == Some("miniz_oxide"))
+            .filter_map(|package| package["version"].as_str())
+            .collect();
+        let used = uses.into_iter().find(|name| name.starts_with("miniz_oxide")).unwrap();
+        // The version stands in the list of dependencies where there are several.
+        let used = if versions.len() == 1 { format!("miniz_oxide {}", versions[0]) } else { used.into() };
+        assert_eq!(used, COMPRESSOR);
+    }
+}
