@@ -393,10 +393,14 @@ impl Simulation {
     #[doc(hidden)]
     pub fn touch(&self) -> Result<(Vec<ContactPatch>, Vec<shaders::Contact>)> {
         let Some(touch) = &self.stages.touch else { return Ok((Vec::new(), Vec::new())) };
+        Ok((touch.cull.contact_patches.read::<ContactPatch>()?, self.gpu_contacts()?))
+    }
+
+    /// The contacts of the last step as the GPU has them, those that were released included.
+    fn gpu_contacts(&self) -> Result<Vec<shaders::Contact>> {
+        let Some(touch) = &self.stages.touch else { return Ok(Vec::new()) };
         let count = self.stages.common.counts.read::<Counts>()?[0].contacts as usize;
-        let mut contacts = touch.contact.touch.contacts.read::<shaders::Contact>()?;
-        contacts.truncate(count);
-        Ok((touch.cull.contact_patches.read::<ContactPatch>()?, contacts))
+        touch.contact.touch.contacts.read_first(count)
     }
 
     /// World position to which f32 positions on the GPU are relative: the tool's centre, where contact needs precision,

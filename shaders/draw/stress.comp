@@ -8,11 +8,11 @@
 
 // Draw stage (for display and export, not part of a step): Cauchy's stress of each tetrahedron at its present
 // displacements, P F^T / det F, with the deformation gradient F and the first Piola-Kirchhoff stress P of its material
-// law (shared/material_law.glsl), the compression penalty included, damping not. Where Lame's first parameter lambda acts
-// through F-bar patches (groups of tetrahedra with one volumetric strain), draw/energy and draw/share must have run
-// before; they leave the patch's part of P. A tetrahedron that is inside out or flat has no such stress; zero is written
-// for it. One invocation runs for each tetrahedron. The f64 reference implementation is
-// oracle::elastic::Elements::stresses. A frame is a rigid coordinate frame, a link the relative placement of two frames.
+// law (shared/material_law.glsl), the compression penalty included, damping not; and its strain energy density. Where
+// Lame's first parameter lambda may act through F-bar patches (groups of tetrahedra with one volumetric strain),
+// draw/energy and draw/share must have run before; they leave the densities and the patch's part of P. A tetrahedron that is inside out or flat has no such stress; zero is written
+// for it. One invocation runs for each tetrahedron. The f64 reference implementations are
+// oracle::elastic::Elements::stresses and densities. A frame is a rigid coordinate frame, a link the relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
@@ -31,7 +31,9 @@ READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };            // between frames, as they are now
 layout(scalar) readonly buffer PatchOf { uint patch_of[]; };       // patch of each tetrahedron, or NONE
 READ_ONLY(vec4, rotations);
-READ_ONLY(vec4, densities);            // w: the patch's part of the stress, lambda times its mean dilatation, Pa
+// Written where there are no patches, as draw/energy does. Else read: w is the patch's part of the stress, lambda times
+// its mean dilatation, Pa.
+layout(scalar) buffer Densities { vec4 densities[]; };
 // Two per tetrahedron, world axes, Pa: xx, yy, zz and von Mises's stress; xy, xz, yz and the pressure max(0, -trace / 3).
 layout(scalar) writeonly buffer Stresses { vec4 stresses[]; };
 
@@ -55,8 +57,10 @@ void main() {
     vec4 q = polar(mat3(1.0) + g, fetch(rotations, t), lost);
     mat3 e = strain(q, g), stretch = mat3(1.0) + e;
     bool shares = PATCHES && patch_of[t] != NONE;
-    mat3 piola = evaluate(material, e, excess_compression(e), shares ? 0.0 : material.lambda).stress;
-    if (shares) piola += mat3(fetch(densities, t).w);
+    mat3 compression = excess_compression(e);
+    mat3 piola = evaluate(material, e, compression, shares ? 0.0 : material.lambda).stress;
+    if (shares) piola += mat3(densities[t].w);
+    if (!PATCHES) densities[t] = vec4(energy_density(material, e, compression, material.lambda), g1.w * g1.w, trace(e), 0.0);
     float volume = determinant(stretch);
     mat3 cauchy = volume > 0.0 ? even_part(piola * transpose(stretch)) / volume : mat3(0.0);
     vec4 world = compose(frames[element_info[t].y].rotation, q);

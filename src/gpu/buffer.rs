@@ -198,21 +198,24 @@ impl Buffer {
     /// Copies the whole array to the CPU, wherever its memory is. For GPU memory this takes a staging copy and a submit
     /// of its own, so the function is meant for tests and export, not for the step.
     pub fn read<T: Pod>(&self) -> Result<Vec<T>> {
+        self.read_first(self.inner.bytes as usize / size_of::<T>())
+    }
+
+    /// Reads the first `count` elements, or all where there are fewer.
+    pub fn read_first<T: Pod>(&self, count: usize) -> Result<Vec<T>> {
+        let count = count.min(self.inner.bytes as usize / size_of::<T>());
         if self.inner.memory != Memory::Device {
-            return Ok(self.mapped::<T>()?.to_vec());
+            return Ok(self.mapped::<T>()?[..count].to_vec());
         }
-        if self.inner.bytes == 0 {
+        let bytes = (count * size_of::<T>()) as u64;
+        if bytes == 0 {
             return Ok(Vec::new());
         }
-        let staging = Buffer::new(
-            &self.inner.context,
-            &format!("{} (read)", self.inner.name),
-            self.inner.bytes,
-            Memory::Readback,
-        )?;
+        let name = format!("{} (read)", self.inner.name);
+        let staging = Buffer::new(&self.inner.context, &name, bytes, Memory::Readback)?;
         let mut recorder = Recorder::untimed(&self.inner.context)?;
         recorder.stage("read");
-        recorder.copy(self, &staging);
+        recorder.copy_range(self, 0, &staging, 0, bytes);
         recorder.finish()?.submit_and_wait()?;
         staging.read()
     }

@@ -4,6 +4,7 @@
 use glam::DVec3;
 
 use super::Simulation;
+use super::nodes::PosedSkin;
 use crate::Result;
 use crate::shaders::{self, StepParams};
 use crate::stages::contact_law::{Traction, end_traction, start_traction};
@@ -44,48 +45,7 @@ impl Simulation {
     /// # Errors
     /// [`crate::Error::Vulkan`]: a transfer failed.
     pub fn contacts(&self) -> Result<Vec<ContactPoint>> {
-        let (_, contacts) = self.touch()?;
-        if contacts.is_empty() {
-            return Ok(Vec::new());
-        }
-        let tractions = self.tractions(&contacts)?;
-        let ranges = self.skin_ranges();
-        let mut places: Vec<Vec<DVec3>> = vec![Vec::new(); ranges.len()];
-        for body in contacts.iter().map(|contact| self.side_bodies(self.tested_side(contact))[0]) {
-            if places[body].is_empty() {
-                places[body] = self.vertex_positions(body)?;
-            }
-        }
-        let wide = |[x, y, z]: [f32; 3]| DVec3::new(x.into(), y.into(), z.into());
-        let point = |(contact, traction): (&shaders::Contact, &Traction)| {
-            let side = self.tested_side(contact);
-            let bodies = self.side_bodies(side);
-            let index = |vertex: u32| vertex as usize - ranges[bodies[0]].start;
-            let (vertex, position) = if side == contact.side {
-                let vertex = index(contact.vertex);
-                (vertex, places[bodies[0]][vertex])
-            } else {
-                let [second, third] = contact.barycentric.map(f64::from);
-                let corners = self.model.triangles[contact.triangle as usize];
-                let weights = [1.0 - second - third, second, third];
-                let position = (0..3).map(|k| weights[k] * places[bodies[0]][index(corners[k])]).sum();
-                let nearest = (0..3).max_by(|i, k| weights[*i].total_cmp(&weights[*k])).unwrap_or(0);
-                (index(corners[nearest]), position)
-            };
-            // The GPU's normal of a contact points from body a to body b of the pair.
-            let out = if side.is_multiple_of(2) { -1.0 } else { 1.0 };
-            ContactPoint {
-                bodies,
-                vertex,
-                position,
-                normal: out * wide(contact.normal),
-                depth: contact.depth.into(),
-                area: contact.area.into(),
-                pressure: traction.pressure,
-                friction: out * traction.friction,
-            }
-        };
-        Ok(contacts.iter().zip(&tractions).filter(|(contact, _)| contact.stiffness > 0.0).map(point).collect())
+        Ok(self.contacts_and_forces(&[])?.0)
     }
 
     /// Force of the last step's contacts on each vertex of a body's skin, N, world axes, in the skin's order; the index
@@ -96,30 +56,65 @@ impl Simulation {
     /// # Errors
     /// [`crate::Error::Vulkan`]: a transfer failed.
     pub fn contact_forces(&self, body: usize) -> Result<Vec<DVec3>> {
-        let range = self.skin_ranges().get(body).cloned().unwrap_or_default();
-        let mut forces = vec![DVec3::ZERO; range.len()];
-        let (_, contacts) = self.touch()?;
-        for (contact, traction) in contacts.iter().zip(&self.tractions(&contacts)?) {
-            let (side, normal) = (self.tested_side(contact), DVec3::from(contact.normal.map(f64::from)));
+        Ok(self.contacts_and_forces(&[body])?.1.remove(0))
+    }
+
+    /// What [`Simulation::contacts`] returns, and what [`Simulation::contact_forces`] returns for each of `bodies`.
+    #[doc(hidden)]
+    pub fn contacts_and_forces(&self, bodies: &[usize]) -> Result<(Vec<ContactPoint>, Vec<Vec<DVec3>>)> {
+        let ranges = self.skin_ranges();
+        let size = |body: &usize| ranges.get(*body).map_or(0, |range| range.len());
+        let mut forces: Vec<Vec<DVec3>> = bodies.iter().map(|body| vec![DVec3::ZERO; size(body)]).collect();
+        let mut push = |body: usize, vertex: u32, force: DVec3| {
+            for (_, forces) in bodies.iter().zip(&mut forces).filter(|(other, _)| **other == body) {
+                forces[vertex as usize - ranges[body].start] += force;
+            }
+        };
+        let contacts = self.gpu_contacts()?;
+        let tractions = self.tractions(&contacts)?;
+        let mut skins: Vec<Option<PosedSkin>> = ranges.iter().map(|_| None).collect();
+        let mut points = Vec::new();
+        for (contact, traction) in contacts.iter().zip(&tractions).filter(|(contact, _)| contact.stiffness > 0.0) {
+            let side = self.tested_side(contact);
             let [tested, other] = self.side_bodies(side);
-            if contact.stiffness <= 0.0 || ![tested, other].contains(&body) {
-                continue;
-            }
+            let skin = match &mut skins[tested] {
+                Some(skin) => skin,
+                none => none.insert(self.posed_skin(tested)?),
+            };
+            let at = |vertex: u32| skin.position(vertex as usize - ranges[tested].start);
+            // The GPU's normal of a contact points from body a to body b of the pair.
             let out = if side.is_multiple_of(2) { -1.0 } else { 1.0 };
-            let force = f64::from(contact.area) * out * (traction.pressure * normal + traction.friction);
-            let is_by_vertex = side == contact.side;
-            if is_by_vertex && tested == body {
-                forces[contact.vertex as usize - range.start] += force;
-            } else if is_by_vertex != (tested == body) && contact.triangle != shaders::NONE {
-                let [second, third] = contact.barycentric.map(f64::from);
-                let sign = if is_by_vertex { -1.0 } else { 1.0 };
-                let corners = self.model.triangles[contact.triangle as usize];
-                for (corner, weight) in corners.into_iter().zip([1.0 - second - third, second, third]) {
-                    forces[corner as usize - range.start] += sign * weight * force;
+            let normal = out * DVec3::from(contact.normal.map(f64::from));
+            let friction = out * traction.friction;
+            let force = f64::from(contact.area) * (traction.pressure * normal + friction);
+            let [second, third] = contact.barycentric.map(f64::from);
+            let weights = [1.0 - second - third, second, third];
+            let corners = self.model.triangles.get(contact.triangle as usize).map(|&[a, b, c, _]| [a, b, c]);
+            let corners = corners.unwrap_or_default().into_iter().zip(weights);
+            let (vertex, position) = if side == contact.side {
+                push(tested, contact.vertex, force);
+                if contact.triangle != shaders::NONE {
+                    corners.for_each(|(corner, weight)| push(other, corner, -weight * force));
                 }
-            }
+                (contact.vertex, at(contact.vertex))
+            } else {
+                corners.clone().for_each(|(corner, weight)| push(tested, corner, weight * force));
+                let position = corners.clone().map(|(corner, weight)| weight * at(corner)).sum();
+                let nearest = corners.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(contact.vertex, |(corner, _)| corner);
+                (nearest, position)
+            };
+            points.push(ContactPoint {
+                bodies: [tested, other],
+                vertex: vertex as usize - ranges[tested].start,
+                position,
+                normal,
+                depth: contact.depth.into(),
+                area: contact.area.into(),
+                pressure: traction.pressure,
+                friction,
+            });
         }
-        Ok(forces)
+        Ok((points, forces))
     }
 
     /// The tractions (pressure and friction) at the last step's contacts; at the start of the step where those at its
@@ -128,7 +123,7 @@ impl Simulation {
         let Some(touch) = self.stages.touch.as_ref().filter(|_| self.is_solved) else {
             return Ok(contacts.iter().map(start_traction).collect());
         };
-        let forces = touch.contact.touch.contact_forces.read::<[f32; 4]>()?;
+        let forces = touch.contact.touch.contact_forces.read_first::<[f32; 4]>(contacts.len())?;
         let h = self.stages.common.params.mapped::<StepParams>()?[0].dt;
         Ok(contacts.iter().zip(forces).map(|(contact, force)| end_traction(contact, force, h)).collect())
     }

@@ -2,11 +2,13 @@
 //! A core is a rigid body inside a soft one, to which nodes are attached; nodes that are not attached to a core are
 //! free. The skin of a body is its surface mesh.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::Simulation;
 use crate::gpu::Buffer;
-use crate::prepare::{Body, Embedding, Shape};
+use crate::prepare::{Body, Embedding, Layer, Shape};
 use crate::{Error, Result};
 
 impl Simulation {
@@ -16,19 +18,8 @@ impl Simulation {
     pub fn nodes(&self, body: usize) -> Result<Option<(Vec<DVec3>, Vec<DVec3>)>> {
         let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(None) };
         let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(None) };
-        let read = |buffer: &Buffer| -> Result<Vec<DVec3>> {
-            let all = buffer.read::<[f32; 4]>()?;
-            let own = &all[range.nodes.clone()];
-            Ok(own.iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
-        };
-        let Body { position, orientation, .. } = self.bodies[body];
-        let mut displacements = read(&self.stages.elastic.displacement)?;
-        for ((d, rest), node) in displacements.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
-            let frame = self.model.node_info[node][2] as usize;
-            let local = *rest - self.model.frames[frame].rest_centre + *d;
-            *d = orientation.conjugate() * (self.frames.world(frame, local) - position) - *rest;
-        }
-        let mut velocities = read(&self.stages.elastic.velocity)?;
+        let displacements = self.displacements(body)?;
+        let mut velocities = vectors(&self.stages.elastic.velocity, range.nodes.clone())?;
         for ((v, rest), node) in velocities.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
             let frame = self.model.node_info[node][2] as usize;
             // The GPU updates the velocities of nodes attached to a dynamic core only at the start of the next step.
@@ -40,12 +31,26 @@ impl Simulation {
         Ok(Some((displacements, velocities)))
     }
 
+    /// Displacements of a soft body's nodes, as [`Simulation::nodes`] gives them; empty for a body that is not soft.
+    fn displacements(&self, body: usize) -> Result<Vec<DVec3>> {
+        let Some(range) = self.model.soft.iter().find(|soft| soft.body == body) else { return Ok(Vec::new()) };
+        let Shape::Soft { layer, .. } = &self.bodies[body].shape else { return Ok(Vec::new()) };
+        let Body { position, orientation, .. } = self.bodies[body];
+        let mut displacements = vectors(&self.stages.elastic.displacement, range.nodes.clone())?;
+        for ((d, rest), node) in displacements.iter_mut().zip(&layer.nodes).zip(range.nodes.clone()) {
+            let frame = self.model.node_info[node][2] as usize;
+            let local = *rest - self.model.frames[frame].rest_centre + *d;
+            *d = orientation.conjugate() * (self.frames.world(frame, local) - position) - *rest;
+        }
+        Ok(displacements)
+    }
+
     /// World positions of a soft body's nodes, m, in the order of its tetrahedral mesh; empty for a body that is not
     /// soft.
     pub fn node_positions(&self, body: usize) -> Result<Vec<DVec3>> {
         let shape = self.bodies.get(body).map(|body| &body.shape);
         let Some(Shape::Soft { layer, .. }) = shape else { return Ok(Vec::new()) };
-        let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
+        let moved = self.displacements(body)?;
         let Body { position, orientation, .. } = self.bodies[body];
         Ok(layer.nodes.iter().zip(&moved).map(|(rest, d)| position + orientation * (*rest + *d)).collect())
     }
@@ -53,16 +58,38 @@ impl Simulation {
     /// World positions of the vertices of a soft body's skin, m, in the skin's order; empty for a body that is not
     /// soft.
     pub fn skin_positions(&self, body: usize) -> Result<Vec<DVec3>> {
-        let shape = self.bodies.get(body).map(|body| &body.shape);
-        let Some(Shape::Soft { layer, skin, embedding, .. }) = shape else { return Ok(Vec::new()) };
-        let Some((moved, _)) = self.nodes(body)? else { return Ok(Vec::new()) };
-        let Body { position, orientation, .. } = self.bodies[body];
-        let displaced = |e: &Embedding| -> DVec3 {
-            let nodes = layer.tetrahedra[e.tetrahedron as usize];
-            nodes.iter().zip(e.weights).map(|(n, w)| w * moved[*n as usize]).sum()
-        };
-        let all = skin.vertices.iter().zip(embedding);
-        Ok(all.map(|(rest, e)| position + orientation * (*rest + displaced(e))).collect())
+        match self.bodies.get(body).map(|body| &body.shape) {
+            Some(Shape::Soft { .. }) => self.vertex_positions(body),
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    /// World positions of the vertices of the skin of body `body`, m; the index after that of the last body is the
+    /// tool's.
+    pub fn vertex_positions(&self, body: usize) -> Result<Vec<DVec3>> {
+        let skin = self.posed_skin(body)?;
+        Ok((0..skin.len()).map(|vertex| skin.position(vertex)).collect())
+    }
+
+    /// The skin of a body as it is now; the index after that of the last body is the tool's.
+    pub(super) fn posed_skin(&self, body: usize) -> Result<PosedSkin<'_>> {
+        Ok(match self.bodies.get(body).map(|placed| (placed, &placed.shape)) {
+            None => {
+                let place = self.tool.as_ref().map(|tool| (tool.centre, tool.orientation));
+                let skin = if place.is_some() { self.tool_skin() } else { Vec::new() };
+                let (centre, turn) = place.unwrap_or_default();
+                PosedSkin::Whole(skin.iter().map(|x| centre + turn * *x).collect())
+            }
+            Some((_, Shape::Rigid { skin, .. })) => {
+                let frame = self.model.body_frames[body] as usize;
+                let centre = self.model.frames[frame].rest_centre;
+                PosedSkin::Whole(skin.vertices.iter().map(|x| self.frames.world(frame, *x - centre)).collect())
+            }
+            Some((placed, Shape::Soft { layer, skin, embedding, .. })) => {
+                PosedSkin::Embedded { placed, layer, rest: &skin.vertices, embedding, moved: self.displacements(body)? }
+            }
+            Some((_, Shape::Plane { .. })) => PosedSkin::Whole(Vec::new()),
+        })
     }
     /// Gives the free nodes of a soft body new displacements and velocities, both in the axes and the order of
     /// [`Simulation::nodes`]; nodes attached to cores stay where they are. For tests and experiments only: what the
@@ -96,4 +123,41 @@ impl Simulation {
         moved.write(&all)?;
         speed.write(&all_speeds)
     }
+}
+
+/// The skin of a body as it is now, of which single vertices can be asked for.
+pub(super) enum PosedSkin<'a> {
+    /// World positions of the vertices of a rigid body, m.
+    Whole(Vec<DVec3>),
+    /// A soft body, and the displacements of its nodes in its own axes, m.
+    Embedded { placed: &'a Body, layer: &'a Layer, rest: &'a [DVec3], embedding: &'a [Embedding], moved: Vec<DVec3> },
+}
+
+impl PosedSkin<'_> {
+    /// Number of vertices.
+    pub(super) fn len(&self) -> usize {
+        match self {
+            PosedSkin::Whole(positions) => positions.len(),
+            PosedSkin::Embedded { rest, .. } => rest.len(),
+        }
+    }
+
+    /// World position of a vertex, m.
+    pub(super) fn position(&self, vertex: usize) -> DVec3 {
+        match self {
+            PosedSkin::Whole(positions) => positions[vertex],
+            PosedSkin::Embedded { placed, layer, rest, embedding, moved } => {
+                let Embedding { tetrahedron, weights } = embedding[vertex];
+                let nodes = layer.tetrahedra[tetrahedron as usize];
+                let displaced: DVec3 = nodes.iter().zip(weights).map(|(n, w)| w * moved[*n as usize]).sum();
+                placed.position + placed.orientation * (rest[vertex] + displaced)
+            }
+        }
+    }
+}
+
+/// The vectors that an array of vec4 holds in a range.
+fn vectors(buffer: &Buffer, range: Range<usize>) -> Result<Vec<DVec3>> {
+    let all = buffer.read::<[f32; 4]>()?;
+    Ok(all[range].iter().map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect())
 }

@@ -137,28 +137,9 @@ impl Simulation {
         };
         let mut recorder = Recorder::untimed(&self.context)?;
         draw.record_frames(&mut recorder);
-        fields.elements.record_energy(&mut recorder, draw, &self.stages.elastic);
-        fields.elements.record_stress(&mut recorder, draw, &self.stages.elastic);
+        fields.elements.record_all(&mut recorder, draw, &self.stages.elastic);
         let of_tetrahedra = recorder.finish()?;
         Ok(ShownFields { recordings: of_all(record)?, of_tetrahedra, fields })
-    }
-
-    /// World positions of the vertices of the skin of body `body`, m; the index after that of the last body is the
-    /// tool's.
-    pub fn vertex_positions(&self, body: usize) -> Result<Vec<DVec3>> {
-        let rigid = self.bodies.get(body).map(|body| &body.shape);
-        match rigid {
-            None => {
-                let Some(tool) = &self.tool else { return Ok(Vec::new()) };
-                Ok(self.tool_skin().iter().map(|x| tool.centre + tool.orientation * *x).collect())
-            }
-            Some(Shape::Rigid { skin, .. }) => {
-                let frame = self.model.body_frames[body] as usize;
-                let centre = self.model.frames[frame].rest_centre;
-                Ok(skin.vertices.iter().map(|x| self.frames.world(frame, *x - centre)).collect())
-            }
-            Some(_) => self.skin_positions(body),
-        }
     }
 
     /// For each body, and last for the tool, the range of its vertices among the skin vertices of all bodies; the range

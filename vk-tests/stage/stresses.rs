@@ -37,11 +37,13 @@ pub fn invariants(stress: DMat3) -> [f64; 2] {
     [(0.5 * squares + 3.0 * off.length_squared()).sqrt(), -(xx + yy + zz) / 3.0]
 }
 
-/// What draw/stress writes for a system; `adds`: the part of each tetrahedron's stress that its patch applies.
-fn stresses(system: &System, patch_of: &[u32], adds: &[f64]) -> Vec<[f32; 8]> {
+/// What draw/stress writes for a system, and the densities, which it writes where there are no patches; `adds`: the part
+/// of each tetrahedron's stress that its patch applies.
+fn stresses(system: &System, patch_of: &[u32], adds: &[f64]) -> (Vec<[f32; 8]>, Vec<[f32; 4]>) {
     let tetrahedra = system.model.tetrahedra.len();
-    let densities: Vec<[f32; 4]> = adds.iter().map(|stress| [0.0, 0.0, 0.0, *stress as f32]).collect();
-    case("draw/stress")
+    let mut densities: Vec<[f32; 4]> = adds.iter().map(|stress| [7.0, 7.0, 7.0, *stress as f32]).collect();
+    densities.resize(tetrahedra.max(1), [7.0; 4]);
+    let outcome = case("draw/stress")
         .constant("TETRAHEDRA", tetrahedra as u32)
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
@@ -57,11 +59,13 @@ fn stresses(system: &System, patch_of: &[u32], adds: &[f64]) -> Vec<[f32; 8]> {
         .input("links", &system.links)
         .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
         .input("rotations", &system.rotations)
-        .input("densities", if densities.is_empty() { &[[0.0; 4]] } else { &densities })
+        .inout("densities", &densities)
         .output::<[f32; 8]>("stresses", tetrahedra)
         .elements(tetrahedra)
-        .run()
-        .get("stresses")
+        .run();
+    let mut densities: Vec<[f32; 4]> = outcome.get("densities");
+    densities.truncate(tetrahedra);
+    (outcome.get("stresses"), densities)
 }
 
 /// The numbers that draw/stress writes for a stress.
@@ -78,10 +82,6 @@ fn wanted(system: &System) -> Vec<f64> {
         body.elements.stresses(&body.displacement, &rotations)
     };
     system.twin.bodies.iter().flat_map(of_body).flat_map(row).collect()
-}
-
-fn flat(rows: &[[f32; 8]]) -> Vec<f32> {
-    rows.concat()
 }
 
 /// Numbers of elements: 0, 1, three numbers around the width of a workgroup, and a large number.
@@ -102,7 +102,7 @@ fn of_one(law: MaterialLaw, f: DMat3) -> [f32; 8] {
         let d = column.as_vec3();
         system.displacement[k + 1] = [d.x, d.y, d.z, 0.0];
     }
-    stresses(&system, &[], &[])[0]
+    stresses(&system, &[], &[]).0[0]
 }
 
 #[test]
@@ -167,8 +167,17 @@ fn stresses_agree_with_the_oracle_at_every_size_squeezed_and_tiny() {
                     stretched(turn, least + 0.05 * random.next(), random)
                 }
             });
-            let got = stresses(&system, &[], &[]);
-            expect_of_largest(&format!("{count} tetrahedra, {what}"), &flat(&got), &wanted(&system), share);
+            let (got, densities) = stresses(&system, &[], &[]);
+            let what = format!("{count} tetrahedra, {what}");
+            expect_of_largest(&what, &got.concat(), &wanted(&system), share);
+            let energies: Vec<f32> = densities.iter().map(|row| row[0]).collect();
+            let of_body = |body: &palpate_oracle::step::SoftBody| {
+                body.elements.densities(&body.displacement, &body.elements.rotations(&body.displacement))
+            };
+            let wanted: Vec<f64> = system.twin.bodies.iter().flat_map(of_body).collect();
+            expect_of_largest(&format!("{what}: energy"), &energies, &wanted, share);
+            let volumes = system.twin.bodies.iter().flat_map(|body| body.elements.volumes.clone());
+            assert!(densities.iter().zip(volumes).all(|(row, volume)| (f64::from(row[1]) / volume - 1.0).abs() < 1e-6));
         }
     }
 }
@@ -193,8 +202,9 @@ fn stresses_of_patches_and_of_turned_frames_agree_with_the_oracle() {
         means.into_iter().zip(&body.elements.materials).map(stress).collect::<Vec<f64>>()
     };
     let adds: Vec<f64> = system.twin.bodies.iter().flat_map(adds).collect();
-    let got = stresses(&system, &system.model.patches.of, &adds);
-    expect_of_largest("stresses of patches", &flat(&got), &wanted(&system), STRESS);
+    let (got, densities) = stresses(&system, &system.model.patches.of, &adds);
+    expect_of_largest("stresses of patches", &got.concat(), &wanted(&system), STRESS);
+    assert!(densities.iter().all(|row| row[0] == 7.0), "what draw/share leaves must stay");
     let turned = system.twin.bodies.iter().any(|body| (body.elements.frame.x_axis - DVec3::X).length() > 0.1);
     assert!(turned && adds.iter().any(|stress| stress.abs() > 0.0));
 }

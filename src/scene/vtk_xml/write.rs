@@ -43,10 +43,10 @@ pub struct Data {
     pub cells: Vec<Array>,
 }
 
-/// The cells of a grid, all of one kind, as text of a file.
+/// The cells of a grid, all of one kind.
 #[derive(Clone)]
 pub struct Cells {
-    text: String,
+    arrays: [Array; 3],
     count: usize,
 }
 
@@ -59,11 +59,12 @@ impl Encoder {
             Numbers::I32(all) => ("Int32", bytes_of(all, |x| x.to_le_bytes())),
             Numbers::U8(all) => ("UInt8", all.to_vec()),
         };
-        let data = self.encoded(&bytes);
-        Array(format!(
-            "<DataArray type=\"{kind}\" Name=\"{}\" NumberOfComponents=\"{components}\" format=\"binary\">{data}</DataArray>\n",
-            escaped(name)
-        ))
+        let name = escaped(name);
+        let shape = format!("type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\"");
+        let mut text = format!("<DataArray {shape} format=\"binary\">");
+        self.encode(&bytes, &mut text);
+        text.push_str("</DataArray>\n");
+        Array(text)
     }
 
     /// Cells of the VTK type `kind` with `N` points each.
@@ -75,7 +76,7 @@ impl Encoder {
             self.array("offsets", 1, &Numbers::I32(&offsets)),
             self.array("types", 1, &Numbers::U8(&vec![kind; all.len()])),
         ];
-        Cells { text: arrays.map(|Array(text)| text).concat(), count: all.len() }
+        Cells { arrays, count: all.len() }
     }
 
     /// Writes a file with one grid. `points` has three coordinates for each point.
@@ -87,8 +88,6 @@ impl Encoder {
         cells: &Cells,
         data: &Data,
     ) -> std::io::Result<()> {
-        let Array(points_text) = self.array("Points", 3, &Numbers::F64(points));
-        let text = |arrays: &[Array]| arrays.iter().map(|Array(text)| text.as_str()).collect::<String>();
         let (compressor, with) = match self.level {
             0 => ("", "not compressed".into()),
             level => (" compressor=\"vtkZLibDataCompressor\"", format!("compressed by {COMPRESSOR}, level {level}")),
@@ -99,24 +98,32 @@ impl Encoder {
              <VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\"\
              {compressor}>\n<UnstructuredGrid>\n<FieldData>\n\
              <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{time:?}</DataArray>\n\
-             </FieldData>\n<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n<PointData>\n{}</PointData>\n\
-             <CellData>\n{}</CellData>\n<Points>\n{points_text}</Points>\n<Cells>\n{}</Cells>\n</Piece>\n\
-             </UnstructuredGrid>\n</VTKFile>\n",
+             </FieldData>\n<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">\n",
             env!("CARGO_PKG_VERSION"),
             points.len() / 3,
             cells.count,
-            text(&data.points),
-            text(&data.cells),
-            cells.text,
-        )
+        )?;
+        let points = [self.array("Points", 3, &Numbers::F64(points))];
+        let all =
+            [("PointData", &data.points[..]), ("CellData", &data.cells), ("Points", &points), ("Cells", &cells.arrays)];
+        for (element, arrays) in all {
+            writeln!(w, "<{element}>")?;
+            arrays.iter().try_for_each(|Array(text)| w.write_all(text.as_bytes()))?;
+            writeln!(w, "</{element}>")?;
+        }
+        writeln!(w, "</Piece>\n</UnstructuredGrid>\n</VTKFile>")
     }
 
-    /// Bytes as base64 with a header. That of compressed bytes has the number of blocks, the size of a block, that of the
-    /// last one if it is smaller, and the compressed size of each; that of others the number of bytes.
-    fn encoded(self, bytes: &[u8]) -> String {
-        let header = |numbers: &[usize]| BASE64.encode(&bytes_of(numbers, |x| (*x as u64).to_le_bytes()));
+    /// Adds bytes as base64 with a header to a text. The header of compressed bytes has the number of blocks, the size of
+    /// a block, that of the last one if it is smaller, and the compressed size of each; that of others the number of
+    /// bytes.
+    fn encode(self, bytes: &[u8], text: &mut String) {
+        let header = |numbers: &[usize], text: &mut String| {
+            BASE64.encode_append(&bytes_of(numbers, |x| (*x as u64).to_le_bytes()), text);
+        };
         if self.level == 0 {
-            return header(&[bytes.len()]) + &BASE64.encode(bytes);
+            header(&[bytes.len()], text);
+            return BASE64.encode_append(bytes, text);
         }
         let mut numbers = vec![bytes.len().div_ceil(BLOCK), BLOCK, bytes.len() % BLOCK];
         let mut all = Vec::new();
@@ -125,12 +132,15 @@ impl Encoder {
             numbers.push(block.len());
             all.extend(block);
         }
-        header(&numbers) + &BASE64.encode(&all)
+        header(&numbers, text);
+        BASE64.encode_append(&all, text);
     }
 }
 
 fn bytes_of<T, const N: usize>(all: &[T], bytes: impl Fn(&T) -> [u8; N]) -> Vec<u8> {
-    all.iter().flat_map(bytes).collect()
+    let mut of_all = vec![[0; N]; all.len()];
+    of_all.iter_mut().zip(all).for_each(|(place, number)| *place = bytes(number));
+    of_all.into_flattened()
 }
 
 /// Text within an attribute in double quotes.

@@ -92,8 +92,11 @@ impl ElementFields {
         }
     }
 
-    /// Records the pass that fills `stresses`, after those of [`ElementFields::record_energy`].
-    pub fn record_stress(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
+    /// Records the passes that fill `densities` and `stresses`; one where there are no patches.
+    pub fn record_all(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
+        if self.share.is_some() {
+            self.record_energy(recorder, draw, elastic);
+        }
         let arguments = shaders::draw::Stress {
             materials: &elastic.materials,
             frames: &draw.frames,

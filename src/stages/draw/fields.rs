@@ -247,16 +247,16 @@ impl Fields {
 
     /// Records the passes that compute a field of the tetrahedra at the nodes.
     fn record_mean(&self, recorder: &mut Recorder, field: Field, draw: &Draw, elastic: &Elastic) {
-        self.elements.record_energy(recorder, draw, elastic);
+        match field {
+            Field::StrainEnergy => self.elements.record_energy(recorder, draw, elastic),
+            _ => self.elements.record_all(recorder, draw, elastic),
+        }
         let (densities, stresses) = (&self.elements.densities, &self.elements.stresses);
         let (mean, numbers) = match field {
             Field::VonMises => (&self.means[1], stresses),
             Field::Hydrostatic => (&self.means[2], stresses),
             _ => (&self.means[0], densities),
         };
-        if field != Field::StrainEnergy {
-            self.elements.record_stress(recorder, draw, elastic);
-        }
         let arguments = shaders::draw::Mean {
             node_first: &self.node_first,
             node_tetrahedra: &self.node_tetrahedra,

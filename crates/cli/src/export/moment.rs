@@ -40,14 +40,14 @@ impl Moment {
         let count = simulation.skin_ranges().len();
         let is_soft = simulation.bodies().iter().any(|body| matches!(body.shape, Shape::Soft { .. }));
         let tetrahedra = if is_soft { Some(simulation.tetrahedron_fields()?) } else { None };
-        let bodies = (0..count).map(|body| match simulation.bodies().get(body).map(|body| &body.shape) {
-            Some(Shape::Soft { .. }) => {
-                let (displacement, velocity) = simulation.nodes(body)?.unwrap_or_default();
-                Ok(State::Soft { displacement, velocity, contact_force: simulation.contact_forces(body)? })
-            }
-            _ => Ok(State::Rigid { vertices: simulation.vertex_positions(body)? }),
+        let all: Vec<usize> = (0..count).collect();
+        let (contacts, forces) = simulation.contacts_and_forces(&all)?;
+        let bodies = forces.into_iter().enumerate().map(|(body, contact_force)| match simulation.nodes(body) {
+            Ok(Some((displacement, velocity))) => Ok(State::Soft { displacement, velocity, contact_force }),
+            Ok(None) => Ok(State::Rigid { vertices: simulation.vertex_positions(body)? }),
+            Err(error) => Err(error),
         });
         let bodies = bodies.collect::<Result<_>>()?;
-        Ok(Moment { steps, time: simulation.time(), bodies, tetrahedra, contacts: simulation.contacts()? })
+        Ok(Moment { steps, time: simulation.time(), bodies, tetrahedra, contacts })
     }
 }
