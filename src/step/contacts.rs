@@ -38,6 +38,18 @@ pub struct ContactPoint {
     pub friction: DVec3,
 }
 
+/// The force of a contact on a vertex of a skin.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Push {
+    /// Index of the body; the tool comes after the bodies.
+    pub body: usize,
+    /// Index of the vertex in the body's skin.
+    pub vertex: usize,
+    /// Force, world axes, N.
+    pub force: DVec3,
+}
+
 impl Simulation {
     /// The contacts of the last step, without those that were released (left without stiffness) because they would have
     /// pulled. This costs transfers from the GPU.
@@ -45,7 +57,7 @@ impl Simulation {
     /// # Errors
     /// [`crate::Error::Vulkan`]: a transfer failed.
     pub fn contacts(&self) -> Result<Vec<ContactPoint>> {
-        Ok(self.contacts_and_forces(&[])?.0)
+        Ok(self.contacts_and_pushes()?.0)
     }
 
     /// Force of the last step's contacts on each vertex of a body's skin, N, world axes, in the skin's order; the index
@@ -56,19 +68,21 @@ impl Simulation {
     /// # Errors
     /// [`crate::Error::Vulkan`]: a transfer failed.
     pub fn contact_forces(&self, body: usize) -> Result<Vec<DVec3>> {
-        Ok(self.contacts_and_forces(&[body])?.1.remove(0))
+        let size = self.skin_ranges().get(body).map_or(0, |range| range.len());
+        let mut forces = vec![DVec3::ZERO; size];
+        for push in self.contacts_and_pushes()?.1.iter().filter(|push| push.body == body) {
+            forces[push.vertex] += push.force;
+        }
+        Ok(forces)
     }
 
-    /// What [`Simulation::contacts`] returns, and what [`Simulation::contact_forces`] returns for each of `bodies`.
+    /// What [`Simulation::contacts`] returns, and the forces that [`Simulation::contact_forces`] sums.
     #[doc(hidden)]
-    pub fn contacts_and_forces(&self, bodies: &[usize]) -> Result<(Vec<ContactPoint>, Vec<Vec<DVec3>>)> {
+    pub fn contacts_and_pushes(&self) -> Result<(Vec<ContactPoint>, Vec<Push>)> {
         let ranges = self.skin_ranges();
-        let size = |body: &usize| ranges.get(*body).map_or(0, |range| range.len());
-        let mut forces: Vec<Vec<DVec3>> = bodies.iter().map(|body| vec![DVec3::ZERO; size(body)]).collect();
+        let mut pushes = Vec::new();
         let mut push = |body: usize, vertex: u32, force: DVec3| {
-            for (_, forces) in bodies.iter().zip(&mut forces).filter(|(other, _)| **other == body) {
-                forces[vertex as usize - ranges[body].start] += force;
-            }
+            pushes.push(Push { body, vertex: vertex as usize - ranges[body].start, force });
         };
         let contacts = self.gpu_contacts()?;
         let tractions = self.tractions(&contacts)?;
@@ -114,7 +128,7 @@ impl Simulation {
                 friction,
             });
         }
-        Ok((points, forces))
+        Ok((points, pushes))
     }
 
     /// The tractions (pressure and friction) at the last step's contacts; at the start of the step where those at its

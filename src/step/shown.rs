@@ -13,7 +13,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Simulation;
-use crate::gpu::{Buffer, Recorder, Recording};
+use crate::gpu::{Buffer, Memory, Recorder, Recording};
 use crate::prepare::{Body, Shape};
 use crate::shaders::{Frame, Link};
 use crate::stages::contact::Touch;
@@ -39,8 +39,8 @@ struct ShownFields {
     fields: Fields,
     /// One recording per [`Field`].
     recordings: [Recording; FIELDS],
-    /// Fills the fields of the tetrahedra.
-    of_tetrahedra: Recording,
+    /// Fills the fields of the tetrahedra and copies them to the host: densities, then stresses.
+    of_tetrahedra: (Recording, [Buffer; 2]),
 }
 
 /// A scalar field as it was when it was asked for.
@@ -138,7 +138,14 @@ impl Simulation {
         let mut recorder = Recorder::untimed(&self.context)?;
         draw.record_frames(&mut recorder);
         fields.elements.record_all(&mut recorder, draw, &self.stages.elastic);
-        let of_tetrahedra = recorder.finish()?;
+        let copied = |buffer: &Buffer| -> Result<Buffer> {
+            let copy = Buffer::new(&self.context, buffer.name(), buffer.bytes(), Memory::Readback)?;
+            recorder.copy(buffer, &copy);
+            Ok(copy)
+        };
+        let [densities, stresses] = [&fields.elements.densities, &fields.elements.stresses].map(copied);
+        let copies = [densities?, stresses?];
+        let of_tetrahedra = (recorder.finish()?, copies);
         Ok(ShownFields { recordings: of_all(record)?, of_tetrahedra, fields })
     }
 

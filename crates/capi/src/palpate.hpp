@@ -219,6 +219,24 @@ public:
         check(palpate_nodes(get(), body, reinterpret_cast<double(*)[3]>(positions.data()), count, &count));
         return positions;
     }
+    /// Returns Cauchy's stress in each tetrahedron of a soft body's layer, Pa, world axes: xx, yy, zz, xy, yz, xz.
+    std::vector<std::array<double, 6>> stresses(uint32_t body) const {
+        static_assert(sizeof(std::array<double, 6>) == sizeof(double[6]), "std::array must have the layout of a C array");
+        size_t count = 0;
+        check(palpate_stresses(get(), body, nullptr, 0, &count));
+        std::vector<std::array<double, 6>> stresses(count);
+        check(palpate_stresses(get(), body, reinterpret_cast<double(*)[6]>(stresses.data()), count, &count));
+        return stresses;
+    }
+    /// Returns the contact force on each vertex of a body's skin, N, world axes; the tool is counted after the last body.
+    std::vector<std::array<double, 3>> contact_forces(uint32_t body) const {
+        static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "std::array must have the layout of a C array");
+        size_t count = 0;
+        check(palpate_contact_forces(get(), body, nullptr, 0, &count));
+        std::vector<std::array<double, 3>> forces(count);
+        check(palpate_contact_forces(get(), body, reinterpret_cast<double(*)[3]>(forces.data()), count, &count));
+        return forces;
+    }
     /// Returns the world positions of the vertices of a body's skin (surface mesh), m. `body`: position of the body in
     /// the scene; the tool is counted after the last body.
     std::vector<std::array<float, 3>> skin(uint32_t body) const {

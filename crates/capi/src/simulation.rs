@@ -5,7 +5,7 @@
 use std::ffi::{c_char, c_void};
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::watched;
 use palpate::internal::prepare::Cache;
 use palpate::{Pose, Simulation, StepReport, Wrench};
@@ -295,17 +295,77 @@ pub unsafe extern "C" fn palpate_nodes(
         // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
-            let bodies = object.simulation.bodies().len();
-            if body as usize >= bodies {
-                let problem = format!("body is {body}; the scene has {bodies} bodies, counted from 0");
-                return Err(Failure::new(palpate_status::Argument, problem));
-            }
+            known_body(object, body, 0)?;
             let all = object.simulation.node_positions(body as usize)?;
             let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             unsafe { sized::list(&all, positions, capacity, count, "positions") }
         })
     })
+}
+
+/// Copies Cauchy's stress in each tetrahedron of a soft body's layer after the last step, Pa, world axes: xx, yy, zz, xy,
+/// yz, xz, in the order of the layer; without damping. It is zero in a tetrahedron that is flat or inside out. `body` is
+/// the body's position in the scene, from 0. `count` receives the number of tetrahedra, which is 0 if the body is not
+/// soft. `stresses` has room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
+/// are more tetrahedra than `capacity`, and none was written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_stresses(
+    simulation: *mut palpate_simulation,
+    body: u32,
+    stresses: *mut [f64; 6],
+    capacity: usize,
+    count: *mut usize,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+        let count = unsafe { sized::answer(count, "count")? };
+        handles::with(simulation as usize, |object: &mut SimulationObject| {
+            known_body(object, body, 0)?;
+            let all = object.simulation.stresses(body as usize)?;
+            let six = |s: &DMat3| [s.x_axis.x, s.y_axis.y, s.z_axis.z, s.x_axis.y, s.y_axis.z, s.x_axis.z];
+            let all: Vec<[f64; 6]> = all.iter().map(six).collect();
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+            unsafe { sized::list(&all, stresses, capacity, count, "stresses") }
+        })
+    })
+}
+
+/// Copies the force of the last step's contacts on each vertex of a body's skin, N, world axes, in the order of the skin.
+/// A contact acts on the vertex that it is found at, and with the opposite force on the corners of the triangle that the
+/// vertex has met; or, where triangles are tested for contact, on the corners of the triangle and on no vertex of the
+/// rigid body that it meets. `body` is the body's position in the scene, from 0; the number of bodies is the tool. `count`
+/// receives the number of vertices; `forces` has room for `capacity` of them, and may be null if `capacity` is 0.
+/// PALPATE_STATUS_TOO_SMALL: there are more vertices than `capacity`, and none was written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_contact_forces(
+    simulation: *mut palpate_simulation,
+    body: u32,
+    forces: *mut [f64; 3],
+    capacity: usize,
+    count: *mut usize,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+        let count = unsafe { sized::answer(count, "count")? };
+        handles::with(simulation as usize, |object: &mut SimulationObject| {
+            known_body(object, body, 1)?;
+            let all = object.simulation.contact_forces(body as usize)?;
+            let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+            unsafe { sized::list(&all, forces, capacity, count, "forces") }
+        })
+    })
+}
+
+/// Refuses a body that the scene does not have; `tools` is 1 where the number after the last body means the tool.
+fn known_body(object: &SimulationObject, body: u32, tools: usize) -> Result<(), Failure> {
+    let bodies = object.simulation.bodies().len();
+    if (body as usize) < bodies + tools {
+        return Ok(());
+    }
+    let problem = format!("body is {body}; the scene has {bodies} bodies, counted from 0");
+    Err(Failure::new(palpate_status::Argument, problem))
 }
 
 /// Force and torque by which a support, or a fixed or driven core, acts on its soft body.

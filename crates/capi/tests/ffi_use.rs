@@ -15,8 +15,8 @@ use palpate_capi::context::{
 };
 use palpate_capi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_parse};
 use palpate_capi::simulation::{
-    palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_simulation_destroy,
-    palpate_step, palpate_wrench,
+    palpate_contact_forces, palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create,
+    palpate_simulation_destroy, palpate_step, palpate_stresses, palpate_wrench,
 };
 use palpate_capi::status::palpate_status;
 
@@ -142,6 +142,19 @@ fn wrong_use_is_told_and_harms_nothing() {
         assert!(nodes.iter().all(|x| *x == [7.0; 3]));
         ok(palpate_nodes(simulation, 0, nodes.as_mut_ptr(), count, &mut count));
         assert!(nodes.iter().flatten().all(|x| x.abs() <= 0.05));
+        refused(palpate_stresses(simulation, 1, null_mut(), 0, &mut count), Argument, "body is 1");
+        ok(palpate_stresses(simulation, 0, null_mut(), 0, &mut count));
+        let mut stresses = vec![[7.0; 6]; count];
+        refused(palpate_stresses(simulation, 0, stresses.as_mut_ptr(), count - 1, &mut count), TooSmall, "room for");
+        ok(palpate_stresses(simulation, 0, stresses.as_mut_ptr(), count, &mut count));
+        assert!(!stresses.is_empty() && stresses.iter().flatten().all(|x| *x == 0.0), "before the first step");
+        refused(palpate_contact_forces(simulation, 2, null_mut(), 0, &mut count), Argument, "body is 2");
+        for body in [0, 1] {
+            ok(palpate_contact_forces(simulation, body, null_mut(), 0, &mut count));
+            let mut forces = vec![[7.0; 3]; count];
+            ok(palpate_contact_forces(simulation, body, forces.as_mut_ptr(), count, &mut count));
+            assert!(!forces.is_empty() && forces.iter().flatten().all(|x| *x == 0.0), "before the first step");
+        }
         let large = scene("[400, 300, 100]");
         let mut none = null_mut();
         let status = palpate_simulation_create(context, large, &mut none);

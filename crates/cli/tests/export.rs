@@ -6,7 +6,6 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use data_encoding::BASE64;
 use roxmltree::Document;
 
 /// A ball that is pressed into a block beside a rigid one that stays.
@@ -56,12 +55,17 @@ fn series(file: &Path) -> Vec<(f64, String)> {
 
 /// Numbers of an array of an uncompressed file.
 fn numbers(file: &Path, name: &str) -> Vec<f64> {
-    let text = fs::read_to_string(file).unwrap();
+    const APPENDED: &[u8] = b"<AppendedData encoding=\"raw\">\n_";
+    let all = fs::read(file).unwrap();
+    let end = all.windows(APPENDED.len()).position(|window| window == APPENDED).unwrap();
+    let text = format!("{}</VTKFile>", std::str::from_utf8(&all[..end]).unwrap());
     let document = Document::parse(&text).unwrap();
     let array = document.descendants().find(|node| node.attribute("Name") == Some(name));
     let array = array.unwrap_or_else(|| panic!("{}: no array {name}", file.display()));
-    // Eight bytes of a header, which are twelve characters, come first.
-    let bytes = BASE64.decode(&array.text().unwrap().trim().as_bytes()[12..]).unwrap();
+    // The number of bytes comes first.
+    let at = end + APPENDED.len() + array.attribute("offset").unwrap().parse::<usize>().unwrap();
+    let size = u64::from_le_bytes(all[at..at + 8].try_into().unwrap()) as usize;
+    let bytes = &all[at + 8..at + 8 + size];
     match array.attribute("type").unwrap() {
         "Float64" => bytes.chunks(8).map(|x| f64::from_le_bytes(x.try_into().unwrap())).collect(),
         "Float32" => bytes.chunks(4).map(|x| f32::from_le_bytes(x.try_into().unwrap()).into()).collect(),
@@ -179,7 +183,7 @@ fn a_series_has_the_state_of_the_run() {
     // At rest there is nothing of all this.
     let first = made.join("block-layer-000000.vtu");
     for name in ["cauchy_stress", "displacement", "velocity", "contact_force", "strain_energy_density"] {
-        assert!(numbers(&first, name).iter().all(|x| *x == 0.0), "{name} at the beginning");
+        assert!(numbers(&first, name).iter().all(|x| x.abs() < 1e-12), "{name} at the beginning");
     }
     assert!(numbers(&made.join("contacts-000000.vtu"), "force").is_empty());
 }
@@ -217,7 +221,7 @@ fn what_cannot_be_exported_is_refused_and_leaves_nothing() {
         (&["--every", "2"], 2, "--export <DIR>"),
         (&["--export", "series", "--every", "2", "--fps", "3"], 2, "cannot be used with"),
         (&["--export", "series", "--every", "0"], 2, "--every"),
-        (&["--export", "file/series"], 3, "file/series"),
+        (&["--export", "file/series"], 2, "file/series"),
     ];
     let before = files(folder.path());
     for (arguments, status, wanted) in cases {

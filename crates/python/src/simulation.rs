@@ -208,6 +208,23 @@ impl Simulation {
         Ok((points(py, positions)?, points(py, velocities)?))
     }
 
+    /// Cauchy's stress in each tetrahedron of a soft body; empty for another body.
+    fn stress<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let all = self.with(py, |state| Ok(state.simulation.stresses(body)?))?;
+        let numbers: Vec<f64> = all.iter().flat_map(|stress| stress.to_cols_array()).collect();
+        numbers.into_pyarray(py).reshape([all.len(), 3, 3])
+    }
+
+    /// Strain energy density in each tetrahedron of a soft body; empty for another body.
+    fn strain_energy_density<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(self.with(py, |state| Ok(state.simulation.strain_energy_densities(body)?))?.into_pyarray(py))
+    }
+
+    /// Contact force on each vertex of a body's skin.
+    fn contact_forces<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Points<'py>> {
+        points(py, self.with(py, |state| Ok(state.simulation.contact_forces(body)?))?)
+    }
+
     /// Nodes of each tetrahedron of a soft body; empty for another body.
     fn tetrahedra<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Bound<'py, PyArray2<u32>>> {
         let tetrahedra = self.read(py, |simulation| match simulation.bodies().get(body).map(|body| &body.shape) {

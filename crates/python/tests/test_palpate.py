@@ -107,6 +107,10 @@ def test_contacts_add_up_to_the_force(samples: str) -> None:
     signs = np.where(contacts.bodies[:, 0] == tool, 1.0, -1.0)
     together = (signs[:, None] * contacts.force).sum(axis=0)
     np.testing.assert_allclose(together, report.force, atol=1e-5 * float(np.linalg.norm(report.force)))
+    # So do the forces on the vertices of the skins.
+    on_block = pressed.contact_forces("block")
+    assert on_block.shape == pressed.skin("block").positions.shape
+    np.testing.assert_allclose(-on_block.sum(axis=0), report.force, atol=1e-5 * float(np.linalg.norm(report.force)))
     positions = pressed.skin("block").positions[contacts.vertex[signs < 0]]
     # A triangle's centre of pressure is nearest to that corner: less than a cell of 7.5 mm away.
     away = np.linalg.norm(positions - contacts.position[signs < 0], axis=1)
@@ -146,6 +150,13 @@ def test_bodies_and_meshes(pressed: Simulation) -> None:
     nodes, tetrahedra = pressed.nodes("block"), pressed.tetrahedra(0)
     assert tetrahedra.shape[1] == 4 and tetrahedra.max() == len(nodes) - 1
     assert pressed.node_velocities().shape == nodes.shape
+    stress, energy = pressed.stress("block"), pressed.strain_energy_density("block")
+    assert stress.shape == (len(tetrahedra), 3, 3) and energy.shape == (len(tetrahedra),)
+    np.testing.assert_array_equal(stress, stress.transpose(0, 2, 1))
+    assert energy.min() >= 0.0 and energy.max() > 0.0
+    # Under the tool the block is pressed along y.
+    assert stress[np.argmax(energy), 1, 1] < -10.0
+    assert pressed.stress("tool").shape == (0, 3, 3)
     triangles = pressed.triangles("block")
     assert triangles.max() == len(pressed.skin("block").positions) - 1
     assert pressed.nodes("tool").shape == (0, 3)

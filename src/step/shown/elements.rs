@@ -69,11 +69,10 @@ impl Simulation {
     pub fn tetrahedron_fields(&mut self) -> Result<TetrahedronFields> {
         self.shown_fields()?;
         let shown = self.shown_at(DVec3::ZERO)?;
-        let Some(ShownFields { fields, of_tetrahedra, .. }) = &shown.fields else { return Err(missing()) };
-        of_tetrahedra.submit_and_wait()?;
-        Ok(TetrahedronFields {
-            densities: fields.elements.densities.read()?,
-            stresses: fields.elements.stresses.read()?,
-        })
+        let Some(ShownFields { of_tetrahedra: (recording, [densities, stresses]), .. }) = &shown.fields else {
+            return Err(missing());
+        };
+        recording.submit_and_wait()?;
+        Ok(TetrahedronFields { densities: densities.read()?, stresses: stresses.read()? })
     }
 }

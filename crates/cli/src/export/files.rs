@@ -66,13 +66,17 @@ impl Files {
     /// Writes the files of a moment. That of a rigid body is left out while the body stays; the list of files names the
     /// last one again.
     pub fn write(&mut self, moment: Moment) -> Result<()> {
-        let Moment { steps, time, bodies, tetrahedra, contacts } = moment;
+        let Moment { steps, time, bodies, tetrahedra, contacts, pushes } = moment;
         let mut shown = std::mem::take(&mut self.bodies);
         let mut first = 0;
-        for (body, state) in shown.iter_mut().zip(bodies) {
+        for (index, (body, state)) in shown.iter_mut().zip(bodies).enumerate() {
             let skin = format!("{}-skin", body.name);
             match (state, &body.soft, &tetrahedra) {
-                (State::Soft { displacement, velocity, contact_force }, Some(soft), Some(tetrahedra)) => {
+                (State::Soft { displacement, velocity }, Some(soft), Some(tetrahedra)) => {
+                    let mut contact_force = vec![DVec3::ZERO; soft.rest.len()];
+                    for push in pushes.iter().filter(|push| push.body == index) {
+                        contact_force[push.vertex] += push.force;
+                    }
                     let range = first..first + soft.layer.tetrahedra.len();
                     first = range.end;
                     let moved: Vec<DVec3> = displacement.iter().map(|d| soft.orientation * *d).collect();

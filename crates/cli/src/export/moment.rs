@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate::internal::prepare::Shape;
-use palpate::internal::step::TetrahedronFields;
+use palpate::internal::step::{Push, TetrahedronFields};
 use palpate::{ContactPoint, Result, Simulation};
 
 /// The state after a step.
@@ -16,6 +16,8 @@ pub struct Moment {
     /// Fields of the tetrahedra of all soft bodies, one body after another.
     pub tetrahedra: Option<TetrahedronFields>,
     pub contacts: Vec<ContactPoint>,
+    /// Contact forces on vertices of the skins.
+    pub pushes: Vec<Push>,
 }
 
 /// State of a body.
@@ -25,8 +27,6 @@ pub enum State {
         displacement: Vec<DVec3>,
         /// Velocities of the nodes, world axes, m/s.
         velocity: Vec<DVec3>,
-        /// Contact forces on the vertices of the skin, world axes, N.
-        contact_force: Vec<DVec3>,
     },
     Rigid {
         /// World positions of the vertices of the skin, m; none for a half-space.
@@ -40,14 +40,13 @@ impl Moment {
         let count = simulation.skin_ranges().len();
         let is_soft = simulation.bodies().iter().any(|body| matches!(body.shape, Shape::Soft { .. }));
         let tetrahedra = if is_soft { Some(simulation.tetrahedron_fields()?) } else { None };
-        let all: Vec<usize> = (0..count).collect();
-        let (contacts, forces) = simulation.contacts_and_forces(&all)?;
-        let bodies = forces.into_iter().enumerate().map(|(body, contact_force)| match simulation.nodes(body) {
-            Ok(Some((displacement, velocity))) => Ok(State::Soft { displacement, velocity, contact_force }),
+        let (contacts, pushes) = simulation.contacts_and_pushes()?;
+        let bodies = (0..count).map(|body| match simulation.nodes(body) {
+            Ok(Some((displacement, velocity))) => Ok(State::Soft { displacement, velocity }),
             Ok(None) => Ok(State::Rigid { vertices: simulation.vertex_positions(body)? }),
             Err(error) => Err(error),
         });
         let bodies = bodies.collect::<Result<_>>()?;
-        Ok(Moment { steps, time: simulation.time(), bodies, tetrahedra, contacts })
+        Ok(Moment { steps, time: simulation.time(), bodies, tetrahedra, contacts, pushes })
     }
 }

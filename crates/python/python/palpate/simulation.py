@@ -393,6 +393,23 @@ class Simulation:
         """Velocities of the nodes of a soft body, world axes, m/s, shape (N, 3); empty for another body."""
         return self._native.nodes(self._body(body))[1]
 
+    def stress(self, body: str | SupportsIndex = 0) -> Floats:
+        """Cauchy's stress in each tetrahedron of a soft body after the last step, Pa, world axes, shape (M, 3, 3); empty
+        for another body. It is that of the material's law, without damping, and zero in a tetrahedron that is flat or
+        inside out."""
+        return self._native.stress(self._body(body))
+
+    def strain_energy_density(self, body: str | SupportsIndex = 0) -> Floats:
+        """Strain energy density in each tetrahedron of a soft body after the last step, J per m^3 at rest, shape (M,);
+        empty for another body."""
+        return self._native.strain_energy_density(self._body(body))
+
+    def contact_forces(self, body: str | SupportsIndex = 0) -> Floats:
+        """Force of the last step's contacts on each vertex of a body's skin, N, world axes, shape (N, 3); ``"tool"`` is
+        the tool. Where triangles are tested for contact, the force on the rigid body that they meet is at no vertex of
+        its own and is left out."""
+        return self._native.contact_forces(self._body(body))
+
     def tetrahedra(self, body: str | SupportsIndex = 0) -> Indices:
         """Nodes of each tetrahedron of a soft body, shape (M, 4); empty for another body."""
         return self._native.tetrahedra(self._body(body))
