@@ -8,7 +8,7 @@
 mod array;
 pub mod write;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use roxmltree::{Document, Node};
@@ -19,7 +19,7 @@ use super::number::Number;
 use super::tetrahedra::TetMesh;
 use super::triangles::{MOST_TRIANGLES, TriangleFile};
 use super::vtk::grid::{Cells, Grid, LINE, POINTS, POLYGON, STRIP};
-use crate::{Error, Result};
+use crate::{Error, Result, files};
 
 const REMEDY: &str = "save the mesh as VTK XML again, with zlib or without compression";
 /// Name of the data on cells that give the groups.
@@ -39,7 +39,43 @@ pub(super) fn read_surface(path: &Path) -> Result<TriangleFile> {
     grid(path, &cursor::bytes(path)?)?.into_surface(&Cursor::of_arrays(path, REMEDY))
 }
 
+/// Data of a file's points or cells.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Field {
+    /// Name of the array; "Points" are the points themselves.
+    pub name: String,
+    /// Numbers for each point or cell.
+    pub components: usize,
+    /// The numbers of one point or cell after another.
+    pub numbers: Vec<f64>,
+}
+
+/// Reads the points of a file's first piece, and all data of its points and cells.
+pub fn read_fields(path: &Path) -> Result<Vec<Field>> {
+    with_file(path, &cursor::bytes(path)?, |file| file.fields())
+}
+
+/// Reads a file that lists others with their times (`.pvd`): times, s, and paths.
+pub fn read_series(path: &Path) -> Result<Vec<(f64, PathBuf)>> {
+    let text = files::text(path, REMEDY)?;
+    with_file(path, text.as_bytes(), |file| {
+        let sets = file.document.descendants().filter(|node| node.has_tag_name("DataSet"));
+        let listed = sets.map(|node| {
+            let time = node.attribute("timestep").and_then(|time| time.trim().parse::<f64>().ok());
+            let time = time.filter(|time| time.is_finite()).ok_or_else(|| file.error(node, "has no timestep"))?;
+            let name = node.attribute("file").ok_or_else(|| file.error(node, "names no file"))?;
+            Ok((time, path.parent().unwrap_or(Path::new("")).join(name)))
+        });
+        listed.collect()
+    })
+}
+
 fn grid(path: &Path, bytes: &[u8]) -> Result<Grid> {
+    with_file(path, bytes, |file| file.grid())
+}
+
+/// Parses a file, and reads from it.
+fn with_file<T>(path: &Path, bytes: &[u8], read: impl FnOnce(&File) -> Result<T>) -> Result<T> {
     let (text, data) = array::split(bytes);
     let text = std::str::from_utf8(text)
         .map_err(|error| Error::input(path, None, format!("is not UTF-8 at byte {}", error.valid_up_to()), REMEDY))?;
@@ -55,7 +91,7 @@ fn grid(path: &Path, bytes: &[u8]) -> Result<Grid> {
     let mut file = File { path, document: &document, encoding: Encoding::default(), appended: None };
     file.encoding = file.encoding()?;
     file.appended = data.map(|data| file.appended(data)).transpose()?;
-    file.grid()
+    read(&file)
 }
 
 /// An XML file of VTK.
@@ -133,6 +169,31 @@ impl<'a> File<'a> {
             grid.notes.push("groups were left out: some pieces have none".into());
         }
         Ok(grid)
+    }
+
+    fn fields(&self) -> Result<Vec<Field>> {
+        let root = self.document.root_element();
+        let piece = self.document.descendants().find(|node| node.has_tag_name("Piece"));
+        let piece = piece.ok_or_else(|| self.error(root, "has no Piece"))?;
+        let mut fields = Vec::new();
+        for element in
+            piece.children().filter(|node| ["PointData", "CellData", "Points"].contains(&node.tag_name().name()))
+        {
+            for node in element.children().filter(|node| node.has_tag_name("DataArray")) {
+                let told = node.attribute("NumberOfComponents").unwrap_or("1");
+                let components = told.trim().parse().ok().filter(|count| *count > 0);
+                let components =
+                    components.ok_or_else(|| self.error(node, format!("has \"{}\" components", short(told))))?;
+                let numbers = self.numbers(node)?;
+                if numbers.len() % components > 0 {
+                    let problem = format!("has {} numbers, which are no whole rows of {components}", numbers.len());
+                    return Err(self.error(node, problem));
+                }
+                let name = node.attribute("Name").unwrap_or("Points").to_string();
+                fields.push(Field { name, components, numbers });
+            }
+        }
+        Ok(fields)
     }
 
     fn child<'n>(&self, node: Node<'n, 'n>, name: &str) -> Result<Node<'n, 'n>> {

@@ -4,6 +4,7 @@
 
 mod bench;
 mod devices;
+mod diff;
 mod ending;
 mod engine;
 mod export;
@@ -55,6 +56,8 @@ enum Command {
     Run(run::Arguments),
     /// Run a recorded haptic session again, and report the first difference from the recording
     Replay(replay::Arguments),
+    /// Compare two runs: their traces, and their series of fields
+    Diff(diff::Arguments),
     /// Make a soft body from a surface mesh, with a report, images and a scene in which the body is touched
     Prepare(prepare::Arguments),
     /// Find where two undeformed surfaces overlap
@@ -113,6 +116,7 @@ fn run_command(command: Command) -> Result<()> {
     match command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Replay(arguments) => replay::replay(&arguments),
+        Command::Diff(arguments) => diff::diff(&arguments),
         Command::Prepare(arguments) => prepare::prepare(&arguments),
         Command::Query(arguments) => query::query(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),

@@ -127,8 +127,8 @@ mod tests {
         let left = Overlay::ALL.into_iter().filter(|(overlay, _)| shown.has(*overlay)).count();
         assert_eq!(left, 6, "one of the overlays that colour bodies and all five others must be shown");
         assert!(shown.opens_layers() && Overlays::of(&[Overlay::Materials]).opens_layers());
-        shown.toggle(Overlay::Materials);
+        shown.toggle(Overlay::Hydrostatic);
         shown.toggle(Overlay::Arrows);
-        assert!(!shown.has(Overlay::Materials) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));
+        assert!(!shown.has(Overlay::Hydrostatic) && !shown.has(Overlay::Arrows) && shown.has(Overlay::Cores));
     }
 }

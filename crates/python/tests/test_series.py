@@ -1,0 +1,112 @@
+"""Tests that other programs read what `palpate run --export` writes."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import Scene, Simulation
+
+SCENE = """
+[step]
+dt = 0.002
+
+[[body]]
+name = "block"
+layer = { box = [[-0.03, -0.03, -0.03], [0.03, 0.0, 0.03]], cells = [8, 4, 8] }
+material = { young = 2e4, poisson = 0.45, density = 1000.0 }
+
+[[body.core]]
+name = "table"
+bind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.029, 1.0]] }
+
+[tool]
+sphere = 0.01
+mass = 0.05
+position = [0.0, 0.011, 0.0]
+
+[coupling]
+stiffness = 1000.0
+damping = 10.0
+
+[drive]
+keys = [[0.0, 0.0, 0.011, 0.0], [0.05, 0.0, 0.004, 0.0]]
+"""
+STEPS = 25
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scene and two series of it, compressed and not."""
+    folder = tmp_path_factory.mktemp("series")
+    (folder / "scene.toml").write_text(SCENE)
+    for name, level in (("series", "1"), ("plain", "0")):
+        words = ["run", "scene.toml", "--steps", str(STEPS), "--every", "5", "--export", name, "--compression", level]
+        done = subprocess.run([sys.executable, "-m", "palpate", *words], cwd=folder, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    return folder
+
+
+def last(folder: Path, series: str) -> Any:
+    """The last grid of a series."""
+    pyvista: Any = pytest.importorskip("pyvista")
+    reader = pyvista.PVDReader(folder / f"{series}.pvd")
+    assert np.allclose(reader.time_values, [0.01 * k for k in range(6)])
+    reader.set_active_time_value(reader.time_values[-1])
+    return reader.read()[0]
+
+
+@pytest.mark.parametrize("name", ["series", "plain"])
+def test_pyvista_reads_the_state_of_the_simulation(folder: Path, name: str) -> None:
+    simulation = Simulation(Scene.load(folder / "scene.toml"))
+    for _ in range(STEPS):
+        simulation.step()
+    layer = last(folder / name, "block-layer")
+    np.testing.assert_array_equal(layer.points, simulation.nodes("block"))
+    np.testing.assert_array_equal(layer.cells_dict[10], simulation.tetrahedra("block"))
+    np.testing.assert_array_equal(layer["velocity"], simulation.node_velocities("block").astype(np.float32))
+    stress = simulation.stress("block")
+    six = stress[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]].astype(np.float32)
+    np.testing.assert_array_equal(layer["cauchy_stress"], six)
+    principal = np.linalg.eigvalsh(stress)[:, ::-1]
+    np.testing.assert_allclose(layer["principal_stress"], principal, atol=1e-6 * np.abs(principal).max())
+    energy = simulation.strain_energy_density("block").astype(np.float32)
+    np.testing.assert_array_equal(layer["strain_energy_density"], energy)
+    assert 0.3 < layer["least_stretch"].min() < 0.99 and layer["least_stretch"].max() < 1.0001
+    skin = last(folder / name, "block-skin")
+    np.testing.assert_array_equal(skin["contact_force"], simulation.contact_forces("block").astype(np.float32))
+    np.testing.assert_allclose(skin.points, simulation.skin("block").positions, atol=1e-8)
+    contacts, points = simulation.contacts(), last(folder / name, "contacts")
+    np.testing.assert_array_equal(points.points, contacts.position)
+    np.testing.assert_array_equal(points["force"], contacts.force.astype(np.float32))
+    assert layer["contact_force"].sum(axis=0)[1] == pytest.approx(skin["contact_force"].sum(axis=0)[1], rel=1e-5)
+
+
+def test_meshio_reads_a_layer(folder: Path) -> None:
+    meshio: Any = pytest.importorskip("meshio")
+    for name in ("series", "plain"):
+        mesh = meshio.read(folder / name / f"block-layer-{STEPS:06}.vtu")
+        layer = last(folder / name, "block-layer")
+        np.testing.assert_array_equal(mesh.points, layer.points)
+        np.testing.assert_array_equal(mesh.cells_dict["tetra"], layer.cells_dict[10])
+        np.testing.assert_array_equal(mesh.cell_data["von_mises_stress"][0], layer["von_mises_stress"])
+
+
+def test_a_picture_shows_the_stress_under_the_tool(folder: Path) -> None:
+    pyvista: Any = pytest.importorskip("pyvista")
+    layer = last(folder / "series", "block-layer")
+    plotter = pyvista.Plotter(off_screen=True, window_size=[300, 300])
+    plotter.set_background("white")
+    plotter.add_mesh(layer.clip("z"), scalars="von_mises_stress", cmap="gray", lighting=False, show_scalar_bar=False)
+    plotter.view_xy()
+    picture = np.asarray(plotter.screenshot(return_img=True))[:, :, 0]
+    block = np.argwhere(picture < 255)
+    (top, left), (bottom, right) = block.min(axis=0), block.max(axis=0)
+    assert (right - left) > 1.5 * (bottom - top) > 50
+    # Bright is high: in the middle below the tool more than at the upper corners.
+    height, width = bottom - top, right - left
+    middle = picture[top + height // 3, left + width // 2]
+    corner = picture[top + height // 3, left + width // 10]
+    assert middle < 255 and middle > 1.5 * corner
