@@ -1055,7 +1055,7 @@ palpate_status palpate_nodes(struct palpate_simulation *simulation,
                              size_t *count);
 
 // Copies Cauchy's stress in each tetrahedron of a soft body's layer after the last step, Pa, world axes: xx, yy, zz, xy,
-// yz, xz, in the order of the layer; without damping. It is zero in a tetrahedron that is flat or inside out. `body` is
+// yz, xz, in the order of the layer; with the penalty on compression below a stretch of 0.3, without damping. It is zero in a tetrahedron that is flat or inside out. `body` is
 // the body's position in the scene, from 0. `count` receives the number of tetrahedra, which is 0 if the body is not
 // soft. `stresses` has room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
 // are more tetrahedra than `capacity`, and none was written.

@@ -305,7 +305,7 @@ pub unsafe extern "C" fn palpate_nodes(
 }
 
 /// Copies Cauchy's stress in each tetrahedron of a soft body's layer after the last step, Pa, world axes: xx, yy, zz, xy,
-/// yz, xz, in the order of the layer; without damping. It is zero in a tetrahedron that is flat or inside out. `body` is
+/// yz, xz, in the order of the layer; with the penalty on compression below a stretch of 0.3, without damping. It is zero in a tetrahedron that is flat or inside out. `body` is
 /// the body's position in the scene, from 0. `count` receives the number of tetrahedra, which is 0 if the body is not
 /// soft. `stresses` has room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
 /// are more tetrahedra than `capacity`, and none was written.
@@ -322,6 +322,10 @@ pub unsafe extern "C" fn palpate_stresses(
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             known_body(object, body, 0)?;
+            if capacity == 0 {
+                *count = object.simulation.tetrahedron_range(body as usize).len();
+                return Ok(());
+            }
             let all = object.simulation.stresses(body as usize)?;
             let six = |s: &DMat3| [s.x_axis.x, s.y_axis.y, s.z_axis.z, s.x_axis.y, s.y_axis.z, s.x_axis.z];
             let all: Vec<[f64; 6]> = all.iter().map(six).collect();
@@ -350,6 +354,10 @@ pub unsafe extern "C" fn palpate_contact_forces(
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             known_body(object, body, 1)?;
+            if capacity == 0 {
+                *count = object.simulation.skin_ranges().get(body as usize).map_or(0, |range| range.len());
+                return Ok(());
+            }
             let all = object.simulation.contact_forces(body as usize)?;
             let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.

@@ -195,6 +195,24 @@ fn wrong_use_is_told_and_harms_nothing() {
     // handles.
     ok(unsafe { palpate_step(simulation, null(), &mut told) });
     assert_eq!(told.step, 1);
+    // Pressed, the skin is pushed by as much as the tool feels, and the block is under pressure along y most of all.
+    for _ in 0..20 {
+        // SAFETY: both pointers lead to live variables of the right type.
+        ok(unsafe { palpate_step(simulation, &DEEP, &mut told) });
+    }
+    let (mut forces, mut stresses) = (vec![[0.0; 3]; 1000], vec![[0.0; 6]; 1000]);
+    // SAFETY: the arrays have room for as many elements as is said.
+    unsafe {
+        ok(palpate_contact_forces(simulation, 0, forces.as_mut_ptr(), forces.len(), &mut count));
+        ok(palpate_stresses(simulation, 0, stresses.as_mut_ptr(), stresses.len(), &mut count));
+    }
+    let size = told.force.iter().map(|x| x * x).sum::<f64>().sqrt();
+    for k in 0..3 {
+        let sum: f64 = forces.iter().map(|force| force[k]).sum();
+        assert!((sum + told.force[k]).abs() < 1e-5 * size, "{sum} N on the skin, {} N on the tool", told.force[k]);
+    }
+    let least = |k: usize| stresses.iter().map(|stress| stress[k]).fold(0.0, f64::min);
+    assert!(told.force[1] > 0.1 && least(1) < least(0) && least(1) < least(2), "{:?} N", told.force);
     ok(palpate_simulation_destroy(simulation));
     refused(palpate_simulation_destroy(simulation), Handle, "was destroyed");
     refused(step(simulation, &DEEP), Handle, "was destroyed");

@@ -1,7 +1,7 @@
 //! `palpate diff`: compares two runs by their traces (`trace.csv`) and by the series that `palpate run --export` writes.
 //! A difference is that of a vector or a tensor as a whole, and is told as a share of the greatest one of the first run; of
 //! a position, as a share of the greatest distance from where it began (in a grid, from the first point); of a rotation,
-//! as a share of half a turn.
+//! as a share of half a turn. What only one of the runs has, or has in another shape, is a difference too.
 
 mod fields;
 mod trace;
@@ -17,6 +17,9 @@ use serde::Serialize;
 use crate::report::Output;
 use crate::{print, tell};
 
+/// Least length that differences of lengths are told as a share of, m: what moves by less is as good as at rest, and would
+/// be measured against rounding.
+const LEAST_WAY: f64 = 1e-6;
 /// Most lines of a plot.
 const MOST_LINES: usize = 6;
 
@@ -73,10 +76,10 @@ impl Difference {
     fn add(&mut self, time: f64, values: impl Iterator<Item = (f64, f64)>) {
         let mut greatest = 0.0f64;
         for (difference, value) in values {
-            // What is not a number differs from everything.
-            let difference = if difference.is_nan() { f64::INFINITY } else { difference };
+            // What is not a number, or too large for its square to be one, differs from everything.
+            let difference = if difference.is_finite() { difference } else { f64::INFINITY };
             greatest = greatest.max(difference);
-            self.of = self.of.max(value);
+            self.of = if value.is_finite() { self.of.max(value) } else { self.of };
             self.squares += difference * difference;
             self.count += 1;
         }
@@ -88,6 +91,9 @@ impl Difference {
 
     fn done(mut self) -> Difference {
         self.rms = (self.squares / self.count.max(1) as f64).sqrt();
+        if self.unit == "m" {
+            self.of = self.of.max(LEAST_WAY);
+        }
         self
     }
 
@@ -97,26 +103,42 @@ impl Difference {
     }
 }
 
+/// What there is to say of a comparison besides numbers.
+#[derive(Default)]
+pub struct Findings {
+    /// How the runs were compared.
+    notes: Vec<String>,
+    /// What could not be compared, since only one of the runs has it, or has it in another shape.
+    unmatched: Vec<String>,
+}
+
 /// Compares two runs.
 pub fn diff(arguments: &Arguments) -> Result<()> {
-    let (mut all, mut notes) = (Vec::new(), Vec::new());
+    let (mut all, mut findings) = (Vec::new(), Findings::default());
     let traces = [trace_of(&arguments.a), trace_of(&arguments.b)];
-    if let [Some(a), Some(b)] = &traces {
-        all.extend(trace::compare(a, b, &mut notes)?);
+    match &traces {
+        [Some(a), Some(b)] => all.extend(trace::compare(a, b, &mut findings)?),
+        [None, None] => {}
+        _ => findings.unmatched.push("only one of the runs has a trace.csv".into()),
     }
     let series = [series_of(&arguments.a)?, series_of(&arguments.b)?];
+    let are_files = arguments.a.is_file() && arguments.b.is_file();
     for (name, a) in &series[0] {
-        match series[1].iter().find(|(other, _)| other == name || series.iter().all(|all| all.len() == 1)) {
-            Some((_, b)) => all.extend(fields::compare(name, a, b, &mut notes)?),
-            None => notes.push(format!("the second run has no series {name}")),
+        match series[1].iter().find(|(other, _)| other == name || are_files) {
+            Some((_, b)) => all.extend(fields::compare(name, a, b, &mut findings)?),
+            None => findings.unmatched.push(format!("only the first run has the series {name}")),
         }
+    }
+    for (name, _) in series[1].iter().filter(|(name, _)| !are_files && series[0].iter().all(|(other, _)| other != name))
+    {
+        findings.unmatched.push(format!("only the second run has the series {name}"));
     }
     if all.is_empty() {
         let [a, b] = [&arguments.a, &arguments.b].map(|path| path.display());
         let remedy = "give two directories with a trace.csv or with .pvd files of the same names, or two such files";
         return Err(Error::Usage(format!("{a} and {b} have nothing to compare: {remedy}")));
     }
-    notes.iter().for_each(|note| tell(note));
+    findings.notes.iter().chain(&findings.unmatched).for_each(|note| tell(note));
     if let Some(folder) = &arguments.out {
         let mut output = Output::create(folder)?;
         output.write("diff.json", |w| serde_json::to_writer_pretty(w, &all).map_err(Into::into))?;
@@ -127,7 +149,11 @@ pub fn diff(arguments: &Arguments) -> Result<()> {
     print(&Table(&all).to_string())?;
     let worst = all.iter().max_by(|a, b| a.share().total_cmp(&b.share()));
     match worst.filter(|worst| worst.share() > arguments.tolerance) {
-        None => Ok(()),
+        None if findings.unmatched.is_empty() => Ok(()),
+        None => {
+            let count = findings.unmatched.len();
+            Err(Error::Simulation(format!("the runs differ in what they have: {count} of the notes tell where")))
+        }
         Some(worst) => Err(Error::Simulation(format!(
             "the runs differ: {} by {:.3e} of its greatest value, at {:?} s; allowed is {:e}",
             worst.quantity,
@@ -164,11 +190,18 @@ fn series_of(path: &Path) -> Result<Vec<(String, PathBuf)>> {
 
 /// Differences over time of the quantities that differ most.
 fn plot(all: &[Difference]) -> Result<String> {
-    let mut shown: Vec<&Difference> = all.iter().filter(|difference| difference.of > 0.0).collect();
+    let is_scaled = |difference: &&Difference| difference.of > 0.0 && difference.of.is_finite();
+    let mut shown: Vec<&Difference> = all.iter().filter(is_scaled).collect();
     shown.sort_by(|a, b| b.share().total_cmp(&a.share()));
     let line = |difference: &&Difference| Line {
         name: difference.quantity.clone(),
-        points: difference.curve.iter().map(|(time, greatest)| (*time, greatest / difference.of)).collect(),
+        // What is infinite cannot be drawn; the table tells it.
+        points: difference
+            .curve
+            .iter()
+            .map(|(time, greatest)| (*time, greatest / difference.of))
+            .filter(|(time, share)| time.is_finite() && share.is_finite())
+            .collect(),
         ranges: Vec::new(),
     };
     let drawn: Vec<Line> = shown.iter().take(MOST_LINES).map(line).collect();

@@ -10,11 +10,12 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
+use palpate::scene::vtk_xml::read_series;
 use palpate::{Error, Result, Scene, Simulation};
 
 use crate::report::Output;
 use crate::run::{positive, steps};
-use files::Files;
+use files::{Files, Series};
 use moment::Moment;
 
 /// Number of moments that may wait to be written.
@@ -45,8 +46,9 @@ pub struct Export {
     folder: PathBuf,
     schedule: Schedule,
     moments: SyncSender<Moment>,
-    /// `None` once its failure was told.
-    writer: Option<JoinHandle<Result<Output>>>,
+    /// Steps after which the last moment was taken.
+    last: Option<u64>,
+    writer: JoinHandle<Result<(Output, Series)>>,
 }
 
 /// Which moments are written.
@@ -83,7 +85,8 @@ impl Export {
         simulation: &mut Simulation,
     ) -> Result<Option<Export>> {
         let Some(folder) = &arguments.export else { return Ok(None) };
-        if results == Some(folder) {
+        let same = |other: &Path| matches!((other.canonicalize(), folder.canonicalize()), (Ok(a), Ok(b)) if a == b);
+        if results.is_some_and(|results| results == folder || same(results)) {
             let what = "--out and --export give the same directory";
             return Err(Error::Usage(format!(
                 "{what}: give two, such as --export {}",
@@ -106,44 +109,69 @@ impl Export {
             .name("export".into())
             .spawn(move || write(files, &received))
             .map_err(|source| Error::Output { file: folder.clone(), source })?;
-        let mut export = Export { folder: folder.clone(), schedule, moments, writer: Some(writer) };
+        let mut export = Export { folder: folder.clone(), schedule, last: None, moments, writer };
         export.after(0, simulation)?;
         Ok(Some(export))
     }
 
     /// Takes the present moment, after so many steps, if it is due.
     pub fn after(&mut self, steps: u64, simulation: &mut Simulation) -> Result<()> {
-        if !self.schedule.is_due(steps, simulation.time()) {
-            return Ok(());
-        }
-        if self.moments.send(Moment::of(steps, simulation)?).is_err() {
-            return self.failure();
+        if self.schedule.is_due(steps, simulation.time()) { self.take(steps, simulation) } else { Ok(()) }
+    }
+
+    /// Takes the last moment, due or not.
+    pub fn last(&mut self, steps: u64, simulation: &mut Simulation) -> Result<()> {
+        if self.last == Some(steps) { Ok(()) } else { self.take(steps, simulation) }
+    }
+
+    fn take(&mut self, steps: u64, simulation: &mut Simulation) -> Result<()> {
+        self.last = Some(steps);
+        // A writer that has failed takes no more; its error is told at the end, when the run's other results are kept.
+        if !self.writer.is_finished() {
+            let _ = self.moments.send(Moment::of(steps, simulation)?);
         }
         Ok(())
     }
 
-    /// The error for which the writer ended.
-    fn failure(&mut self) -> Result<()> {
-        joined(self.writer.take(), &self.folder).map(drop)
-    }
-
-    /// Waits until all is written, gives the files their names, and returns the directory.
+    /// Waits until all is written, gives the files their names, and returns the directory. Files of an older series that
+    /// the new one does not have are removed.
     pub fn end(self) -> Result<PathBuf> {
         let Export { folder, moments, writer, .. } = self;
         drop(moments);
-        joined(writer, &folder)?.commit()?;
+        let lost = |_| Error::Simulation(format!("internal error: the series {} is not written", folder.display()));
+        let (output, series) = writer.join().map_err(lost)??;
+        let older = older(&folder, &series);
+        output.commit()?;
+        for file in older {
+            std::fs::remove_file(&file).map_err(|source| Error::Output { file, source })?;
+        }
         Ok(folder)
     }
 }
 
-/// What the writer has written into `folder`, at its end.
-fn joined(writer: Option<JoinHandle<Result<Output>>>, folder: &Path) -> Result<Output> {
-    let lost = || Error::Simulation(format!("internal error: the series {} is not written", folder.display()));
-    writer.and_then(|writer| writer.join().ok()).ok_or_else(lost)?
+/// Files that the lists of an older series in `folder` name, of those that the new series replaces; none that it has too.
+fn older(folder: &Path, series: &Series) -> Vec<PathBuf> {
+    let mut older = Vec::new();
+    for (name, files) in series {
+        let begin = format!("{name}-");
+        let is_own = |file: &PathBuf| {
+            let file = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let number = file.strip_prefix(&begin).and_then(|rest| rest.strip_suffix(".vtu"));
+            let is_of_series =
+                number.is_some_and(|number| !number.is_empty() && number.bytes().all(|c| c.is_ascii_digit()));
+            is_of_series && files.iter().all(|(_, new)| *new != file)
+        };
+        let listed = read_series(&folder.join(format!("{name}.pvd"))).unwrap_or_default();
+        let there =
+            listed.into_iter().map(|(_, file)| file).filter(|file| file.parent() == Some(folder) && file.exists());
+        older.extend(there.filter(is_own));
+    }
+    older.dedup();
+    older
 }
 
 /// Writes all moments that come, then the lists of files.
-fn write(mut files: Files, moments: &Receiver<Moment>) -> Result<Output> {
+fn write(mut files: Files, moments: &Receiver<Moment>) -> Result<(Output, Series)> {
     for moment in moments {
         files.write(moment)?;
     }

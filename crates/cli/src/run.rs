@@ -226,7 +226,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let series = Export::begin(&arguments.series, arguments.out.as_deref(), &scene, engine.simulation_mut())?;
     let stop = Stop::new()?;
     let (done, series) = simulate(engine, &stop, &scene, &extent, arguments, output.as_mut(), series)?;
-    let series = series.map(Export::end).transpose()?;
+    let series = series.map(Export::end);
     let page = match output {
         None => "no page was written: give --out DIR for one".into(),
         Some(mut output) => {
@@ -236,6 +236,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             page
         }
     };
+    // The run's results are kept even if the series is not.
+    let series = series.transpose()?;
     let Done { tally, outcome, report, nearest, .. } = &done;
     let series = series.map(|folder| format!("series: {}\n", folder.display())).unwrap_or_default();
     let remedy = felt::remedy(tally, felt::advice(&scene), nearest.as_ref());
@@ -357,6 +359,9 @@ fn simulate(
     }?;
     bar.finish_and_clear();
     let steps = tally.steps;
+    if let Some(series) = &mut series {
+        series.last(steps, engine.simulation_mut())?;
+    }
     let interrupted = match extent {
         Extent::Steps(all) if steps < *all => Some(format!("interrupted after {steps} of {all} steps")),
         _ => None,

@@ -198,6 +198,16 @@ fn a_series_is_the_same_bytes_and_changes_nothing() {
     }
     let [x, y] = ["x", "y"].map(|name| files(&folder.path().join(name)));
     assert!(x.len() > 20 && x == y, "a series has other bytes the second time");
+    // A shorter series in the same folder replaces a longer one, and leaves what is not of it; its last moment is written.
+    fs::write(folder.path().join("y/block-layer-mine.vtu"), "").unwrap();
+    succeeds(folder.path(), &["--steps", "7", "--export", "y", "--every", "5"]);
+    let there = files(&folder.path().join("y"));
+    let of_layer: Vec<&String> = there.keys().filter(|name| name.starts_with("block-layer-")).collect();
+    assert_eq!(
+        of_layer,
+        ["block-layer-000000.vtu", "block-layer-000005.vtu", "block-layer-000007.vtu", "block-layer-mine.vtu"]
+    );
+    assert_eq!(series(&folder.path().join("y/contacts.pvd")).len(), 3);
     // But for times that were measured, a trace is the same with a series and without.
     let trace = |out: &str| {
         let text = fs::read_to_string(folder.path().join(out).join("trace.csv")).unwrap();
@@ -215,8 +225,9 @@ fn a_series_is_the_same_bytes_and_changes_nothing() {
 fn what_cannot_be_exported_is_refused_and_leaves_nothing() {
     let folder = folder();
     fs::write(folder.path().join("file"), "").unwrap();
-    let cases: [(&[&str], i32, &str); 6] = [
+    let cases: [(&[&str], i32, &str); 7] = [
         (&["--out", "same", "--export", "same"], 2, "the same directory: give two, such as --export same/series"),
+        (&["--out", "same", "--export", "./same"], 2, "the same directory"),
         (&["--export", "series", "--fps", "1e5"], 2, "more than there are steps; give a smaller --fps, or --every 1"),
         (&["--every", "2"], 2, "--export <DIR>"),
         (&["--export", "series", "--every", "2", "--fps", "3"], 2, "cannot be used with"),
@@ -231,4 +242,15 @@ fn what_cannot_be_exported_is_refused_and_leaves_nothing() {
         assert!(said.contains(wanted), "{arguments:?}: {said}");
         assert_eq!(files(folder.path()), before, "{arguments:?} left something");
     }
+}
+
+#[test]
+fn a_series_that_cannot_be_written_does_not_take_the_results_with_it() {
+    let folder = folder();
+    fs::create_dir_all(folder.path().join("series/block-layer.pvd")).unwrap();
+    let output = run(folder.path(), &["--steps", "10", "--out", "out", "--export", "series"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("block-layer.pvd"), "{said}");
+    assert!(folder.path().join("out/trace.csv").exists());
+    assert_eq!(fs::read_dir(folder.path().join("series")).unwrap().count(), 1);
 }

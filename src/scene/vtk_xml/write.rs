@@ -65,10 +65,9 @@ impl Encoder {
             Numbers::U8(all) => ("UInt8", all),
         };
         let name = escaped(name);
-        Array {
-            attributes: format!("type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\""),
-            bytes: self.encoded(bytes),
-        }
+        // One number is the default; meshio would make a column of an array that says so.
+        let shape = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
+        Array { attributes: format!("type=\"{kind}\" Name=\"{name}\"{shape}"), bytes: self.encoded(bytes) }
     }
 
     /// Cells of the VTK type `kind` with `N` points each.

@@ -6,7 +6,7 @@ use std::path::Path;
 use palpate::internal::files;
 use palpate::{Error, Result};
 
-use super::Difference;
+use super::{Difference, Findings};
 
 const REMEDY: &str = "give a trace.csv that `palpate run --out` wrote";
 /// Endings of the columns of one vector or rotation.
@@ -41,13 +41,28 @@ impl Trace {
         }
         let trace = Trace { names, columns };
         match trace.column("time_s") {
-            Some([_, ..]) => Ok(trace),
+            Some(times @ [first, ..]) => {
+                let last = times[times.len() - 1];
+                match times.windows(2).position(|pair| pair[1] <= pair[0] || pair[1].is_nan()) {
+                    Some(row) => {
+                        Err(wrong(Some(row as u64 + 3), "has a time that is not later than the one before".into()))
+                    }
+                    None if first.is_finite() && last.is_finite() => Ok(trace),
+                    None => Err(wrong(None, "has a time that is not finite".into())),
+                }
+            }
             _ => Err(wrong(None, "has no column time_s with a row".into())),
         }
     }
 
     fn column(&self, name: &str) -> Option<&[f64]> {
         self.names.iter().position(|other| other == name).map(|at| self.columns[at].as_slice())
+    }
+
+    /// Whether there are no such columns, or all their cells are empty.
+    fn is_empty(&self, prefix: &str, endings: &[&str]) -> bool {
+        let columns = endings.iter().filter_map(|end| self.column(&format!("{prefix}{end}")));
+        columns.flatten().all(|x| x.is_nan())
     }
 
     /// The columns of one vector or rotation, with all their cells filled.
@@ -58,7 +73,7 @@ impl Trace {
 }
 
 /// Compares two traces at the times of the first one; between its own times the second one is interpolated.
-pub fn compare(a: &Path, b: &Path, notes: &mut Vec<String>) -> Result<Vec<Difference>> {
+pub fn compare(a: &Path, b: &Path, findings: &mut Findings) -> Result<Vec<Difference>> {
     let (first, second) = (Trace::read(a)?, Trace::read(b)?);
     let [Some(times), Some(others)] = [first.column("time_s"), second.column("time_s")] else { return Ok(Vec::new()) };
     let end = times[times.len() - 1].abs();
@@ -75,10 +90,20 @@ pub fn compare(a: &Path, b: &Path, notes: &mut Vec<String>) -> Result<Vec<Differ
     }
     if !are_same {
         let counts = format!("{} and {} steps", times.len(), others.len());
-        notes.push(format!(
-            "the traces have {counts}; {} times are compared, and the second trace is interpolated",
-            steps.len()
-        ));
+        let compared = format!("{} times are compared, and the second trace is interpolated", steps.len());
+        findings.notes.push(format!("the traces have {counts}; {compared}"));
+    }
+    // A step more or less is a matter of where the last one ends.
+    let [one, two] = [times, others].map(|times| times[times.len() - 1]);
+    let shorter = if one < two { times } else { others };
+    let longest = shorter.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    if (one - two).abs() > 1.5 * longest {
+        findings.unmatched.push(format!("the traces end at {one:?} s and at {two:?} s"));
+    }
+    for (one, two, which) in [(&first, &second, "first"), (&second, &first, "second")] {
+        for name in one.names.iter().filter(|name| !two.names.contains(name)) {
+            findings.unmatched.push(format!("only the {which} trace has a column {name}"));
+        }
     }
     let places: Vec<(usize, f64)> =
         steps.iter().map(|k| if are_same { (*k, 0.0) } else { place(others, times[*k]) }).collect();
@@ -88,8 +113,8 @@ pub fn compare(a: &Path, b: &Path, notes: &mut Vec<String>) -> Result<Vec<Differ
             let Some(prefix) = name.strip_suffix(endings[0]) else { continue };
             let [one, two] = [&first, &second].map(|trace| trace.group(prefix, endings));
             let (Some(one), Some(two)) = (&one, &two) else {
-                if one.is_some() != two.is_some() {
-                    notes.push(format!("{prefix}: one of the traces has no values, or not always; it is not compared"));
+                if !(first.is_empty(prefix, endings) && second.is_empty(prefix, endings)) {
+                    findings.unmatched.push(format!("{prefix}: a value is missing or no number; it is not compared"));
                 }
                 continue;
             };
@@ -129,7 +154,7 @@ pub fn compare(a: &Path, b: &Path, notes: &mut Vec<String>) -> Result<Vec<Differ
     if are_same && let [Some(one), Some(two)] = [first.column("flags"), second.column("flags")] {
         let count = one.iter().zip(two).filter(|(a, b)| a != b).count();
         if count > 0 {
-            notes.push(format!("flags differ in {count} of {} steps", one.len()));
+            findings.unmatched.push(format!("flags differ in {count} of {} steps", one.len()));
         }
     }
     Ok(all)
@@ -184,8 +209,9 @@ mod tests {
 
     fn compared(a: &str, b: &str) -> (Vec<Difference>, Vec<String>) {
         let (_folder, [a, b]) = files([a, b]);
-        let mut notes = Vec::new();
-        (compare(&a, &b, &mut notes).unwrap(), notes)
+        let mut findings = Findings::default();
+        let all = compare(&a, &b, &mut findings).unwrap();
+        (all, findings.notes.into_iter().chain(findings.unmatched).collect())
     }
 
     const HEAD: &str = "step,time_s,force_x,force_y,force_z,tool_qx,tool_qy,tool_qz,tool_qw,contacts,flags,step_us\n";
@@ -214,10 +240,8 @@ mod tests {
         let b = "time_s,force_x,force_y,force_z\n0.05,0.5,0,0\n0.25,2.5,0,0\n0.35,3.5,1,0\n";
         let (all, notes) = compared(a, b);
         assert!((all[0].greatest - 0.5).abs() < 1e-12 && all[0].of == 3.0, "{:?}", all[0]);
-        assert_eq!(
-            notes,
-            ["the traces have 4 and 3 steps; 3 times are compared, and the second trace is interpolated"]
-        );
+        let interpolated = "the traces have 4 and 3 steps; 3 times are compared, and the second trace is interpolated";
+        assert_eq!(notes, [interpolated, "the traces end at 0.9 s and at 0.35 s"]);
     }
 
     #[test]
@@ -227,10 +251,13 @@ mod tests {
             ("time_s,force_x\n0.1,1\n0.2\n", "a.csv:3:"),
             ("step,force_x\n1,1\n", "has no column time_s with a row"),
             ("time_s\n", "has no column time_s with a row"),
+            ("time_s\n0.1\n0.3\n0.2\n", "a.csv:4: has a time that is not later"),
+            ("time_s\n0.1\nNaN\n0.2\n", "a.csv:3: has a time that is not later"),
+            ("time_s\ninf\n", "has a time that is not finite"),
             ("", "has no column time_s with a row"),
         ] {
             let (_folder, [a, b]) = files([text, "time_s\n0.1\n"]);
-            let said = compare(&a, &b, &mut Vec::new()).unwrap_err().to_string();
+            let said = compare(&a, &b, &mut Findings::default()).unwrap_err().to_string();
             assert!(said.contains(wanted), "{text:?}: {said}");
         }
     }

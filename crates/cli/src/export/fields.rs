@@ -20,7 +20,6 @@ pub fn eigenvalues([xx, yy, zz, xy, yz, xz]: Symmetric) -> [f64; 3] {
     let angle = (0.5 * determinant / scale.powi(3)).clamp(-1.0, 1.0).acos() / 3.0;
     let greatest = mean + 2.0 * scale * angle.cos();
     let least = mean + 2.0 * scale * (angle + 2.0 * PI / 3.0).cos();
-    debug_assert!(angle <= PI / 3.0 + 1e-12);
     [greatest, 3.0 * mean - greatest - least, least]
 }
 

@@ -17,13 +17,15 @@ const POINT: u8 = 1;
 const TRIANGLE: u8 = 5;
 const TETRAHEDRON: u8 = 10;
 
+/// The files of each series by its name, with their times (s).
+pub type Series = BTreeMap<String, Vec<(f64, String)>>;
+
 /// Writes the files of a series.
 pub struct Files {
     output: Output,
     encoder: Encoder,
     bodies: Vec<Shown>,
-    /// The files of each series by its name, with their times (s).
-    series: BTreeMap<String, Vec<(f64, String)>>,
+    series: Series,
 }
 
 /// A body of which files are written.
@@ -60,7 +62,7 @@ impl Files {
             soft: simulation.bodies().get(index).and_then(|body| Soft::new(encoder, body)),
             last: Vec::new(),
         };
-        Files { output, encoder, bodies: names.enumerate().map(shown).collect(), series: BTreeMap::new() }
+        Files { output, encoder, bodies: names.enumerate().map(shown).collect(), series: Series::new() }
     }
 
     /// Writes the files of a moment. That of a rigid body is left out while the body stays; the list of files names the
@@ -108,11 +110,11 @@ impl Files {
     }
 
     /// Writes the lists of files.
-    pub fn end(mut self) -> Result<Output> {
+    pub fn end(mut self) -> Result<(Output, Series)> {
         for (name, files) in &self.series {
             self.output.write(&format!("{name}.pvd"), |w| write_series(w, files))?;
         }
-        Ok(self.output)
+        Ok((self.output, self.series))
     }
 
     fn grid(&mut self, series: &str, steps: u64, time: f64, points: &[f64], cells: &Cells, data: &Data) -> Result<()> {
