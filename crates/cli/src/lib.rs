@@ -53,7 +53,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Simulate a scene, and report its steps and the state at the end
-    Run(run::Arguments),
+    Run(Box<run::Arguments>),
     /// Run a recorded haptic session again, and report the first difference from the recording
     Replay(replay::Arguments),
     /// Compare two runs: their traces, and their series of fields

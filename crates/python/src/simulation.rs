@@ -210,19 +210,19 @@ impl Simulation {
 
     /// Cauchy's stress in each tetrahedron of a soft body; empty for another body.
     fn stress<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let all = self.with(py, |state| Ok(state.simulation.stresses(body)?))?;
+        let all = self.with(py, |state| state.simulation.stresses(body))?;
         let numbers: Vec<f64> = all.iter().flat_map(|stress| stress.to_cols_array()).collect();
         numbers.into_pyarray(py).reshape([all.len(), 3, 3])
     }
 
     /// Strain energy density in each tetrahedron of a soft body; empty for another body.
     fn strain_energy_density<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        Ok(self.with(py, |state| Ok(state.simulation.strain_energy_densities(body)?))?.into_pyarray(py))
+        Ok(self.with(py, |state| state.simulation.strain_energy_densities(body))?.into_pyarray(py))
     }
 
     /// Contact force on each vertex of a body's skin.
     fn contact_forces<'py>(&self, py: Python<'py>, body: usize) -> PyResult<Points<'py>> {
-        points(py, self.with(py, |state| Ok(state.simulation.contact_forces(body)?))?)
+        points(py, self.with(py, |state| state.simulation.contact_forces(body))?)
     }
 
     /// Nodes of each tetrahedron of a soft body; empty for another body.
