@@ -11,7 +11,8 @@ cd "$(dirname "$0")"
 
 packages=(build-essential pkg-config glslc libvulkan1 mesa-vulkan-drivers
     libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0)
-tests=(clang valgrind cmake python3 python3-numpy python3-venv libvulkan-dev vulkan-validationlayers procps xvfb xdotool)
+tests=(clang valgrind cmake python3 python3-numpy python3-venv libvulkan-dev vulkan-validationlayers procps xvfb xdotool
+    libegl1 libgl1-mesa-dri)
 minutes="one to three minutes"
 case "${1-}" in
     "") ;;
