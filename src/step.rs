@@ -48,7 +48,7 @@ use crate::stages::model::{self, Model};
 pub use crate::stages::{Explanation, Flags};
 use algorithm::Recordings;
 pub use contact_wrench::{ContactWrench, Gap};
-pub use contacts::{ContactPoint, Push};
+pub use contacts::{ContactPoint, VertexForce};
 pub use device_input::DeviceInput;
 use frames::Frames;
 use probes::ProbePlace;

@@ -234,8 +234,7 @@ mod tests {
     const RECONSTRUCTION: f64 = 1e-13;
 
     fn place(layer: &Layer, e: &Embedding) -> DVec3 {
-        let nodes = layer.tetrahedra[e.tetrahedron as usize].map(|i| layer.nodes[i as usize]);
-        nodes.iter().zip(e.weights).map(|(&n, w)| n * w).sum()
+        e.interpolate(&layer.tetrahedra, &layer.nodes)
     }
 
     #[test]

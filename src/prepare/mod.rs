@@ -203,6 +203,14 @@ pub struct Embedding {
     pub weights: [f64; 4],
 }
 
+impl Embedding {
+    /// The weighted sum of vectors of the tetrahedron's nodes; `at_nodes` has a vector for each node of the mesh.
+    pub fn interpolate(&self, tetrahedra: &[[u32; 4]], at_nodes: &[DVec3]) -> DVec3 {
+        let nodes = tetrahedra[self.tetrahedron as usize];
+        nodes.iter().zip(self.weights).map(|(node, weight)| weight * at_nodes[*node as usize]).sum()
+    }
+}
+
 /// A convex collision proxy: a convex hull that covers part of the skin.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Proxy {

@@ -189,8 +189,9 @@ impl<'a> File<'a> {
                     let problem = format!("has {} numbers, which are no whole rows of {components}", numbers.len());
                     return Err(self.error(node, problem));
                 }
-                let name = node.attribute("Name").unwrap_or("Points").to_string();
-                fields.push(Field { name, components, numbers });
+                let is_points = element.has_tag_name("Points");
+                let name = if is_points { "Points" } else { node.attribute("Name").unwrap_or_default() };
+                fields.push(Field { name: name.into(), components, numbers });
             }
         }
         Ok(fields)

@@ -41,7 +41,7 @@ pub struct ContactPoint {
 /// The force of a contact on a vertex of a skin.
 #[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Push {
+pub struct VertexForce {
     /// Index of the body; the tool comes after the bodies.
     pub body: usize,
     /// Index of the vertex in the body's skin.
@@ -57,7 +57,7 @@ impl Simulation {
     /// # Errors
     /// [`crate::Error::Vulkan`]: a transfer failed.
     pub fn contacts(&self) -> Result<Vec<ContactPoint>> {
-        Ok(self.contacts_and_pushes()?.0)
+        Ok(self.contacts_and_forces()?.0)
     }
 
     /// Force of the last step's contacts on each vertex of a body's skin, N, world axes, in the skin's order; the index
@@ -70,19 +70,19 @@ impl Simulation {
     pub fn contact_forces(&self, body: usize) -> Result<Vec<DVec3>> {
         let size = self.skin_ranges().get(body).map_or(0, |range| range.len());
         let mut forces = vec![DVec3::ZERO; size];
-        for push in self.contacts_and_pushes()?.1.iter().filter(|push| push.body == body) {
-            forces[push.vertex] += push.force;
+        for own in self.contacts_and_forces()?.1.iter().filter(|force| force.body == body) {
+            forces[own.vertex] += own.force;
         }
         Ok(forces)
     }
 
     /// What [`Simulation::contacts`] returns, and the forces that [`Simulation::contact_forces`] sums.
     #[doc(hidden)]
-    pub fn contacts_and_pushes(&self) -> Result<(Vec<ContactPoint>, Vec<Push>)> {
+    pub fn contacts_and_forces(&self) -> Result<(Vec<ContactPoint>, Vec<VertexForce>)> {
         let ranges = self.skin_ranges();
-        let mut pushes = Vec::new();
+        let mut forces = Vec::new();
         let mut push = |body: usize, vertex: u32, force: DVec3| {
-            pushes.push(Push { body, vertex: vertex as usize - ranges[body].start, force });
+            forces.push(VertexForce { body, vertex: vertex as usize - ranges[body].start, force });
         };
         let contacts = self.gpu_contacts()?;
         let tractions = self.tractions(&contacts)?;
@@ -103,13 +103,12 @@ impl Simulation {
             let force = f64::from(contact.area) * (traction.pressure * normal + friction);
             let [second, third] = contact.barycentric.map(f64::from);
             let weights = [1.0 - second - third, second, third];
-            let corners = self.model.triangles.get(contact.triangle as usize).map(|&[a, b, c, _]| [a, b, c]);
-            let corners = corners.unwrap_or_default().into_iter().zip(weights);
+            // A half-space has no triangles.
+            let triangle = self.model.triangles.get(contact.triangle as usize);
+            let corners = triangle.into_iter().flat_map(|&[a, b, c, _]| [a, b, c].into_iter().zip(weights));
             let (vertex, position) = if side == contact.side {
                 push(tested, contact.vertex, force);
-                if contact.triangle != shaders::NONE {
-                    corners.for_each(|(corner, weight)| push(other, corner, -weight * force));
-                }
+                corners.for_each(|(corner, weight)| push(other, corner, -weight * force));
                 (contact.vertex, at(contact.vertex))
             } else {
                 corners.clone().for_each(|(corner, weight)| push(tested, corner, weight * force));
@@ -128,7 +127,7 @@ impl Simulation {
                 friction,
             });
         }
-        Ok((points, pushes))
+        Ok((points, forces))
     }
 
     /// The tractions (pressure and friction) at the last step's contacts; at the start of the step where those at its

@@ -45,6 +45,12 @@ impl Simulation {
         Ok(displacements)
     }
 
+    /// Number of a body's nodes; 0 for a body that is not soft.
+    #[doc(hidden)]
+    pub fn node_count(&self, body: usize) -> usize {
+        self.model.soft.iter().find(|soft| soft.body == body).map_or(0, |soft| soft.nodes.len())
+    }
+
     /// World positions of a soft body's nodes, m, in the order of its tetrahedral mesh; empty for a body that is not
     /// soft.
     pub fn node_positions(&self, body: usize) -> Result<Vec<DVec3>> {
@@ -91,6 +97,7 @@ impl Simulation {
             Some((_, Shape::Plane { .. })) => PosedSkin::Whole(Vec::new()),
         })
     }
+
     /// Gives the free nodes of a soft body new displacements and velocities, both in the axes and the order of
     /// [`Simulation::nodes`]; nodes attached to cores stay where they are. For tests and experiments only: what the
     /// solver keeps of the last step (its solution and its residual, with which it starts the next step) is not adapted
@@ -147,9 +154,7 @@ impl PosedSkin<'_> {
         match self {
             PosedSkin::Whole(positions) => positions[vertex],
             PosedSkin::Embedded { placed, layer, rest, embedding, moved } => {
-                let Embedding { tetrahedron, weights } = embedding[vertex];
-                let nodes = layer.tetrahedra[tetrahedron as usize];
-                let displaced: DVec3 = nodes.iter().zip(weights).map(|(n, w)| w * moved[*n as usize]).sum();
+                let displaced = embedding[vertex].interpolate(&layer.tetrahedra, moved);
                 placed.position + placed.orientation * (rest[vertex] + displaced)
             }
         }

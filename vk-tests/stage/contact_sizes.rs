@@ -10,16 +10,12 @@ use palpate::internal::stages::CHUNK_VERTICES;
 
 use crate::harness::bodies::{half_space, rigid, sphere, whole};
 use crate::harness::random::Random;
-use crate::harness::{Tolerance, context, expect_close};
+use crate::harness::{Tolerance, expect_close};
 use crate::stage::flow::Flow;
+use crate::stage::sizes;
 
 /// Tolerance of sums and products of a few f32 numbers of order one.
 const CLOSE: Tolerance = Tolerance { abs: 1e-6, rel: 2e-6 };
-
-fn sizes() -> [usize; 6] {
-    let width = context().group_size() as usize;
-    [0, 1, width - 1, width, width + 1, 1234]
-}
 
 /// A skin of `n` separate triangles that face down to a half-space, with chunks (groups of up to 64 vertices) that hold
 /// the first corners of the triangles.

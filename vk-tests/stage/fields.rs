@@ -1,35 +1,28 @@
 //! Tests of fields on the skins (surface meshes) for display: contact depth and pressure, strain energy density,
-//! displacement, stress. Each kernel is compared with f64, and whole fields are compared with values that the host computes. A
-//! run whose fields are read must give the same bits as a run whose fields are not read. A patch is a group of
-//! tetrahedra that share one volumetric strain (F-bar); the oracle is the f64 reference implementation.
+//! displacement, stress. Each kernel is compared with f64, and whole fields are compared with values that the host
+//! computes. A run whose fields are read must give the same bits as a run whose fields are not read. A patch is a group
+//! of tetrahedra that share one volumetric strain (F-bar); the oracle is the f64 reference implementation.
 
-use glam::{DMat3, DQuat, DVec3};
-use palpate::internal::gpu::{Const, Size};
+use glam::{DQuat, DVec3};
+use palpate::internal::gpu::Size;
 use palpate::internal::prepare::patch::patches;
 use palpate::internal::prepare::{Layer, Shape};
 use palpate::internal::shaders::{Contact, Counts, Frame, NONE, StepParams};
-use palpate::internal::stages::material_law::laws_of;
 use palpate::internal::step::{Field, Overlay};
 use palpate::scene::{MaterialLaw, Samples, Sides};
 use palpate::{Simulation, StepReport};
 
 use crate::harness::random::Random;
-use crate::harness::{Outcome, Tolerance, case, context, expect_close};
+use crate::harness::{Tolerance, case, context, expect_close};
 use crate::invariant::friction;
 use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene, soft_twin};
-use crate::solver::system::{System, layered, material, mixed, two_layers};
-use crate::stage::elastic::{deformed_of, expect_of_largest, stretched};
-use crate::stage::stresses::invariants;
+use crate::solver::system::{System, layered, material, two_layers};
+use crate::stage::elastic::expect_of_largest;
+use crate::stage::sizes;
+use crate::stage::stresses::{STRESS, elements, invariants};
 
-/// Error of energy densities relative to the largest density: strains of order one tenth come from terms of order one,
-/// known to 1e-7; a density is quadratic in the strains.
-const DENSITY: f64 = 1.0e-5;
-/// Error of energy densities relative to the largest density, at strains of 1e-6, some of which hardly change the
-/// volume, so that their trace is a small difference; strains that are differences of numbers of order one would give
-/// 1e-1 at best.
-const TINY_STRAIN: f64 = 5.0e-5;
 /// Relative error where the expected values are computed by hand: a dozen roundings.
 const BY_HAND: f64 = 1.0e-6;
 /// Error of f32 sums of a few terms.
@@ -45,12 +38,6 @@ const REST: f64 = 1.0e-12;
 /// Largest stress at rest, Pa: rounding of displacements of bodies that have turned.
 const STRESS_AT_REST: f64 = 1.0e-2;
 
-/// Numbers of elements: 0, 1, three numbers around the width of a workgroup, and a large number.
-fn sizes() -> [usize; 6] {
-    let width = context().group_size() as usize;
-    [0, 1, width - 1, width, width + 1, 1234]
-}
-
 /// One list of up to four random indices below `n` for each owner. Returns the running totals of the lists' lengths,
 /// and the contents of all lists.
 fn lists(owners: usize, n: usize, random: &mut Random) -> (Vec<u32>, Vec<u32>) {
@@ -62,31 +49,8 @@ fn lists(owners: usize, n: usize, random: &mut Random) -> (Vec<u32>, Vec<u32>) {
     (first, held)
 }
 
-/// Runs draw/energy over a system.
-fn energy(system: &System, patch_of: &[u32]) -> Outcome {
-    let tetrahedra = system.model.tetrahedra.len();
-    case("draw/energy")
-        .constant("TETRAHEDRA", tetrahedra as u32)
-        .constant("SPANS", Const::Bool(system.model.spans_frames()))
-        .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
-        .constant("LAWS", laws_of(&system.model.materials))
-        .input("materials", &system.model.materials)
-        .input("tetrahedra", &system.model.tetrahedra)
-        .input("rest_gradients", &system.model.rest_gradients)
-        .input("element_info", &system.model.element_info)
-        .input("displacement", &system.displacement)
-        .input("tetrahedron_links", &system.model.tetrahedron_links)
-        .input("node_rest", &system.model.node_rest)
-        .input("links", &system.links)
-        .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
-        .input("rotations", &system.rotations)
-        .output::<[f32; 4]>("densities", tetrahedra)
-        .elements(tetrahedra)
-        .run()
-}
-
 /// The oracle's energy densities of a system's tetrahedra, at the oracle's own rotations.
-fn wanted(system: &System) -> Vec<f64> {
+pub fn energies(system: &System) -> Vec<f64> {
     let of_body = |body: &palpate_oracle::step::SoftBody| {
         let rotations = body.elements.rotations(&body.displacement);
         body.elements.densities(&body.displacement, &rotations)
@@ -94,13 +58,14 @@ fn wanted(system: &System) -> Vec<f64> {
     system.twin.bodies.iter().flat_map(of_body).collect()
 }
 
-fn column(rows: &[[f32; 4]], k: usize) -> Vec<f32> {
+/// One component of each row.
+pub fn column(rows: &[[f32; 4]], k: usize) -> Vec<f32> {
     rows.iter().map(|row| row[k]).collect()
 }
 
 #[test]
 fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
-    // draw/energy on a tetrahedron at the corner of a cube with edges of 1 m, whose second node is displaced by (0.01,
+    // draw/elements on a tetrahedron at the corner of a cube with edges of 1 m, whose second node is displaced by (0.01,
     // 0, 0) m. With strain E = diag(0.01, 0, 0) and volume V = 1/6 m^3, the corotational density is (mu + lambda / 2)
     // 1e-4.
     for law in [MaterialLaw::Corotational, MaterialLaw::NeoHookean] {
@@ -109,7 +74,7 @@ fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
         let soft = palpate::scene::Material { law, ..material(2e4) };
         let mut system = System::new(&[layered(layer, soft, DQuat::IDENTITY)], 0.0, 1);
         system.displacement[1] = [0.01, 0.0, 0.0, 0.0];
-        let got: Vec<[f32; 4]> = energy(&system, &[]).get("densities");
+        let (got, _) = elements(&system, false, &[], &[]);
         let (mu, lambda) = (2e4 / 2.9, 2e4 * 0.45 / (1.45 * 0.1));
         let (m, l) = (4.0 / 3.0 * mu, lambda + 5.0 / 6.0 * mu);
         // The invariants of the neo-Hookean law are I = 2 + 1.01^2 and J = 1.01.
@@ -122,28 +87,6 @@ fn the_energy_of_a_tetrahedron_stretched_along_an_edge_by_hand() {
 }
 
 #[test]
-fn energies_agree_with_the_oracle_at_every_size_squeezed_and_tiny() {
-    for count in sizes() {
-        for (what, least, share) in
-            [("stretched", 0.8, DENSITY), ("squeezed", 0.1, DENSITY), ("tiny", 1.0, TINY_STRAIN)]
-        {
-            let system = deformed_of(&mixed(count), count, 7, |random| match what {
-                "tiny" => {
-                    let vectors = [random.vector(), random.vector(), random.vector()];
-                    DMat3::IDENTITY + DMat3::from_cols(vectors[0], vectors[1], vectors[2]) * 1e-6
-                }
-                _ => {
-                    let turn = DQuat::from_scaled_axis(0.5 * random.vector());
-                    stretched(turn, least + 0.05 * random.next(), random)
-                }
-            });
-            let got: Vec<[f32; 4]> = energy(&system, &[]).get("densities");
-            expect_of_largest(&format!("{count} tetrahedra, {what}"), &column(&got, 0), &wanted(&system), share);
-        }
-    }
-}
-
-#[test]
 fn energies_of_patches_agree_with_the_oracle() {
     let mut bodies = two_layers();
     for body in &mut bodies {
@@ -152,7 +95,7 @@ fn energies_of_patches_agree_with_the_oracle() {
     }
     let system = System::new(&bodies, 0.002, 5);
     let of = &system.model.patches.of;
-    let densities: Vec<[f32; 4]> = energy(&system, of).get("densities");
+    let (densities, _) = elements(&system, false, of, &[]);
     let count = system.model.patches.count();
     let members = |p: usize| (0..of.len() as u32).filter(move |t| of[*t as usize] == p as u32);
     let mut first = vec![0u32];
@@ -165,8 +108,8 @@ fn energies_of_patches_agree_with_the_oracle() {
         .elements(count)
         .run();
     let got: Vec<[f32; 4]> = outcome.get("densities");
-    let want = wanted(&system);
-    expect_of_largest("densities of patches", &column(&got, 0), &want, DENSITY);
+    let want = energies(&system);
+    expect_of_largest("densities of patches", &column(&got, 0), &want, STRESS);
     let alone = column(&densities, 0).iter().zip(&want).filter(|(got, want)| f64::from(**got) < 0.9 * **want).count();
     assert!(count > 1 && alone > 0, "patches must change the densities of some tetrahedra");
 }

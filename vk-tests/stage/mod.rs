@@ -29,3 +29,11 @@ pub mod sort;
 pub mod stresses;
 pub mod view;
 pub mod wrench;
+
+use crate::harness::context;
+
+/// Numbers of elements: 0, 1, three numbers around the width of a workgroup, and a large number.
+fn sizes() -> [usize; 6] {
+    let width = context().group_size() as usize;
+    [0, 1, width - 1, width, width + 1, 1234]
+}

@@ -1,6 +1,6 @@
-//! Tests of Cauchy's stress in the tetrahedra: of draw/stress against closed forms and against f64, and of the stress that
-//! a simulation gives, which must hold contact forces in equilibrium. A patch is a group of tetrahedra that share one
-//! volumetric strain (F-bar); the oracle is the f64 reference implementation.
+//! Tests of the strain energy density and Cauchy's stress of tetrahedra: of draw/elements against closed forms and against
+//! f64, and of the stress that a simulation gives, which must hold contact forces in equilibrium. A patch is a group of
+//! tetrahedra that share one volumetric strain (F-bar); the oracle is the f64 reference implementation.
 
 use glam::{DMat3, DQuat, DVec3};
 use palpate::internal::gpu::Const;
@@ -10,22 +10,28 @@ use palpate::internal::stages::material_law::laws_of;
 use palpate::scene::MaterialLaw;
 
 use crate::harness::random::Random;
-use crate::harness::{Tolerance, case, context, expect_close};
+use crate::harness::{Tolerance, case, expect_close};
 use crate::scene::joints;
 use crate::scene::touch::{Place, press};
 use crate::scene::whole_step::{open, run, scene, soft_twin};
 use crate::solver::system::{System, layered, material, mixed, two_layers};
 use crate::stage::elastic::{deformed_of, expect_of_largest, stretched};
+use crate::stage::fields::{column, energies};
+use crate::stage::sizes;
 
 /// Error against closed forms, relative to the largest entry.
 const CLOSED: f64 = 1.0e-5;
-/// Error relative to the largest entry, as that of energy densities.
-const STRESS: f64 = 1.0e-5;
-/// The same at strains of 1e-6, some of which hardly change the volume.
+/// Error of densities and stresses relative to the largest one: strains of order one tenth come from terms of order one,
+/// known to 1e-7; a density is quadratic in the strains.
+pub const STRESS: f64 = 1.0e-5;
+/// Error relative to the largest entry at strains of 1e-6, some of which hardly change the volume, so that their trace is
+/// a small difference; strains that are differences of numbers of order one would give 1e-1 at best.
 const TINY_STRAIN: f64 = 5.0e-5;
 /// Error of the stresses of a simulation relative to the largest: displacements are f32, and the strain is a small
 /// difference of them.
 const WHOLE: f64 = 2.0e-4;
+/// Value of densities that the kernel must not change.
+const KEPT: f32 = 7.0;
 /// Error of the balance of forces, relative to the contact force.
 const BALANCE: f64 = 1.0e-4;
 
@@ -37,17 +43,18 @@ pub fn invariants(stress: DMat3) -> [f64; 2] {
     [(0.5 * squares + 3.0 * off.length_squared()).sqrt(), -(xx + yy + zz) / 3.0]
 }
 
-/// What draw/stress writes for a system, and the densities, which it writes where there are no patches; `adds`: the part
-/// of each tetrahedron's stress that its patch applies.
-fn stresses(system: &System, patch_of: &[u32], adds: &[f64]) -> (Vec<[f32; 8]>, Vec<[f32; 4]>) {
+/// What draw/elements writes for a system: densities, and stresses where it `has_stress`. It keeps the densities where
+/// there are patches too; `adds` is then the part of each tetrahedron's stress that its patch applies.
+pub fn elements(system: &System, has_stress: bool, patch_of: &[u32], adds: &[f64]) -> (Vec<[f32; 4]>, Vec<[f32; 8]>) {
     let tetrahedra = system.model.tetrahedra.len();
-    let mut densities: Vec<[f32; 4]> = adds.iter().map(|stress| [7.0, 7.0, 7.0, *stress as f32]).collect();
-    densities.resize(tetrahedra.max(1), [7.0; 4]);
-    let outcome = case("draw/stress")
+    let mut densities: Vec<[f32; 4]> = adds.iter().map(|stress| [KEPT, KEPT, KEPT, *stress as f32]).collect();
+    densities.resize(tetrahedra.max(1), [KEPT; 4]);
+    let case = case("draw/elements")
         .constant("TETRAHEDRA", tetrahedra as u32)
         .constant("SPANS", Const::Bool(system.model.spans_frames()))
         .constant("PATCHES", Const::Bool(!patch_of.is_empty()))
         .constant("LAWS", laws_of(&system.model.materials))
+        .constant("STRESS", Const::Bool(has_stress))
         .input("materials", &system.model.materials)
         .input("frames", &system.frames)
         .input("tetrahedra", &system.model.tetrahedra)
@@ -60,15 +67,17 @@ fn stresses(system: &System, patch_of: &[u32], adds: &[f64]) -> (Vec<[f32; 8]>, 
         .input("patch_of", if patch_of.is_empty() { &[0] } else { patch_of })
         .input("rotations", &system.rotations)
         .inout("densities", &densities)
-        .output::<[f32; 8]>("stresses", tetrahedra)
-        .elements(tetrahedra)
-        .run();
+        .elements(tetrahedra);
+    let outcome = match has_stress {
+        true => case.output::<[f32; 8]>("stresses", tetrahedra).run(),
+        false => case.inout("stresses", &vec![[KEPT; 8]; tetrahedra.max(1)]).run(),
+    };
     let mut densities: Vec<[f32; 4]> = outcome.get("densities");
     densities.truncate(tetrahedra);
-    (outcome.get("stresses"), densities)
+    (densities, outcome.get("stresses"))
 }
 
-/// The numbers that draw/stress writes for a stress.
+/// The numbers that draw/elements writes for a stress.
 fn row(stress: DMat3) -> [f64; 8] {
     let (x, y, z) = (stress.x_axis, stress.y_axis, stress.z_axis);
     let [von_mises, pressure] = invariants(stress);
@@ -84,12 +93,6 @@ fn wanted(system: &System) -> Vec<f64> {
     system.twin.bodies.iter().flat_map(of_body).flat_map(row).collect()
 }
 
-/// Numbers of elements: 0, 1, three numbers around the width of a workgroup, and a large number.
-fn sizes() -> [usize; 6] {
-    let width = context().group_size() as usize;
-    [0, 1, width - 1, width, width + 1, 1234]
-}
-
 /// The stress of one tetrahedron with three edges of 1 m along the axes, of Young's modulus 20 kPa and Poisson's ratio
 /// 0.45, whose deformation gradient is `f`.
 fn of_one(law: MaterialLaw, f: DMat3) -> [f32; 8] {
@@ -102,7 +105,7 @@ fn of_one(law: MaterialLaw, f: DMat3) -> [f32; 8] {
         let d = column.as_vec3();
         system.displacement[k + 1] = [d.x, d.y, d.z, 0.0];
     }
-    stresses(&system, &[], &[]).0[0]
+    elements(&system, true, &[], &[]).1[0]
 }
 
 #[test]
@@ -121,7 +124,7 @@ fn stresses_have_their_closed_forms() {
         let (slope, push) = (m * (1.0 - 1.0 / (stretch * stretch + 3.0)), l * e - mu);
         let neo = DVec3::new(slope * stretch + push, slope / stretch + push, slope / stretch + push);
         all.push(("a stretch", MaterialLaw::NeoHookean, f, DMat3::from_diagonal(neo)));
-        // The same stretch along all axes.
+        // A stretch along all axes.
         let f = DMat3::from_diagonal(DVec3::splat(stretch));
         let linear = (2.0 * mu + 3.0 * lambda) * e / (stretch * stretch);
         all.push(("a pressure", MaterialLaw::Corotational, f, DMat3::from_diagonal(DVec3::splat(linear))));
@@ -153,7 +156,7 @@ fn stresses_have_their_closed_forms() {
 }
 
 #[test]
-fn stresses_agree_with_the_oracle_at_every_size_squeezed_and_tiny() {
+fn energies_and_stresses_agree_with_the_oracle_at_every_size_squeezed_and_tiny() {
     for count in sizes() {
         for (what, least, share) in [("stretched", 0.8, STRESS), ("squeezed", 0.1, STRESS), ("tiny", 1.0, TINY_STRAIN)]
         {
@@ -167,15 +170,12 @@ fn stresses_agree_with_the_oracle_at_every_size_squeezed_and_tiny() {
                     stretched(turn, least + 0.05 * random.next(), random)
                 }
             });
-            let (got, densities) = stresses(&system, &[], &[]);
             let what = format!("{count} tetrahedra, {what}");
+            let (densities, got) = elements(&system, true, &[], &[]);
             expect_of_largest(&what, &got.concat(), &wanted(&system), share);
-            let energies: Vec<f32> = densities.iter().map(|row| row[0]).collect();
-            let of_body = |body: &palpate_oracle::step::SoftBody| {
-                body.elements.densities(&body.displacement, &body.elements.rotations(&body.displacement))
-            };
-            let wanted: Vec<f64> = system.twin.bodies.iter().flat_map(of_body).collect();
-            expect_of_largest(&format!("{what}: energy"), &energies, &wanted, share);
+            // The kernel writes the same densities with stresses and without.
+            assert_eq!(elements(&system, false, &[], &[]).0, densities, "{what}");
+            expect_of_largest(&format!("{what}: energy"), &column(&densities, 0), &energies(&system), share);
             let volumes = system.twin.bodies.iter().flat_map(|body| body.elements.volumes.clone());
             assert!(densities.iter().zip(volumes).all(|(row, volume)| (f64::from(row[1]) / volume - 1.0).abs() < 1e-6));
         }
@@ -202,9 +202,9 @@ fn stresses_of_patches_and_of_turned_frames_agree_with_the_oracle() {
         means.into_iter().zip(&body.elements.materials).map(stress).collect::<Vec<f64>>()
     };
     let adds: Vec<f64> = system.twin.bodies.iter().flat_map(adds).collect();
-    let (got, densities) = stresses(&system, &system.model.patches.of, &adds);
+    let (densities, got) = elements(&system, true, &system.model.patches.of, &adds);
     expect_of_largest("stresses of patches", &got.concat(), &wanted(&system), STRESS);
-    assert!(densities.iter().all(|row| row[0] == 7.0), "what draw/share leaves must stay");
+    assert!(densities.iter().all(|row| row[0] == KEPT), "what draw/share leaves must stay");
     let turned = system.twin.bodies.iter().any(|body| (body.elements.frame.x_axis - DVec3::X).length() > 0.1);
     assert!(turned && adds.iter().any(|stress| stress.abs() > 0.0));
 }

@@ -1055,27 +1055,16 @@ palpate_status palpate_nodes(struct palpate_simulation *simulation,
                              size_t *count);
 
 // Copies Cauchy's stress in each tetrahedron of a soft body's layer after the last step, Pa, world axes: xx, yy, zz, xy,
-// yz, xz, in the order of the layer; with the penalty on compression below a stretch of 0.3, without damping. It is zero in a tetrahedron that is flat or inside out. `body` is
-// the body's position in the scene, from 0. `count` receives the number of tetrahedra, which is 0 if the body is not
-// soft. `stresses` has room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
-// are more tetrahedra than `capacity`, and none was written.
+// yz, xz, in the order of the layer. The stress is that of the material's law, with the penalty on compression below a
+// stretch of 0.3, without damping; it is zero in a tetrahedron that is flat or inside out. `body` is the body's position
+// in the scene, from 0. `count` receives the number of tetrahedra, which is 0 if the body is not soft. `stresses` has
+// room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more tetrahedra
+// than `capacity`, and none was written.
 palpate_status palpate_stresses(struct palpate_simulation *simulation,
                                 uint32_t body,
                                 double (*stresses)[6],
                                 size_t capacity,
                                 size_t *count);
-
-// Copies the force of the last step's contacts on each vertex of a body's skin, N, world axes, in the order of the skin.
-// A contact acts on the vertex that it is found at, and with the opposite force on the corners of the triangle that the
-// vertex has met; or, where triangles are tested for contact, on the corners of the triangle and on no vertex of the
-// rigid body that it meets. `body` is the body's position in the scene, from 0; the number of bodies is the tool. `count`
-// receives the number of vertices; `forces` has room for `capacity` of them, and may be null if `capacity` is 0.
-// PALPATE_STATUS_TOO_SMALL: there are more vertices than `capacity`, and none was written.
-palpate_status palpate_contact_forces(struct palpate_simulation *simulation,
-                                      uint32_t body,
-                                      double (*forces)[3],
-                                      size_t capacity,
-                                      size_t *count);
 
 // Lists the reactions of the last step: of each fixed or driven core, and then each support, of each body whose scene
 // asks for them; none before the first step, and after a state was restored. `count` receives their number;
@@ -1199,6 +1188,18 @@ palpate_status palpate_skin(struct palpate_simulation *simulation,
                             float (*normals)[3],
                             size_t capacity,
                             size_t *count);
+
+// Copies the force of the last step's contacts on each vertex of a body's skin, N, world axes, in the order of the skin.
+// A contact acts on the vertex that it is found at, and with the opposite force on the corners of the triangle that the
+// vertex has met; or, where triangles are tested for contact, on the corners of the triangle and on no vertex of the
+// rigid body that it meets. `body` is the body's position in the scene, from 0; the tool is counted after the last body.
+// `count` receives the number of vertices; `forces` has room for `capacity` of them, and may be null if `capacity` is 0.
+// PALPATE_STATUS_TOO_SMALL: there are more vertices than `capacity`, and none was written.
+palpate_status palpate_contact_forces(struct palpate_simulation *simulation,
+                                      uint32_t body,
+                                      double (*forces)[3],
+                                      size_t capacity,
+                                      size_t *count);
 
 // Copies the triangles of a body's skin: three vertex indices per triangle, counter-clockwise seen from outside. The
 // triangles never change. `count` receives their number; `triangles` has room for `capacity` triangles, and may be

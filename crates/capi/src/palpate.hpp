@@ -211,32 +211,11 @@ public:
         return wrench;
     }
     /// Returns the world positions of the nodes of a soft body's layer, m.
-    std::vector<std::array<double, 3>> nodes(uint32_t body) const {
-        static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "std::array must have the layout of a C array");
-        size_t count = 0;
-        check(palpate_nodes(get(), body, nullptr, 0, &count));
-        std::vector<std::array<double, 3>> positions(count);
-        check(palpate_nodes(get(), body, reinterpret_cast<double(*)[3]>(positions.data()), count, &count));
-        return positions;
-    }
+    std::vector<std::array<double, 3>> nodes(uint32_t body) const { return list(palpate_nodes, body); }
     /// Returns Cauchy's stress in each tetrahedron of a soft body's layer, Pa, world axes: xx, yy, zz, xy, yz, xz.
-    std::vector<std::array<double, 6>> stresses(uint32_t body) const {
-        static_assert(sizeof(std::array<double, 6>) == sizeof(double[6]), "std::array must have the layout of a C array");
-        size_t count = 0;
-        check(palpate_stresses(get(), body, nullptr, 0, &count));
-        std::vector<std::array<double, 6>> stresses(count);
-        check(palpate_stresses(get(), body, reinterpret_cast<double(*)[6]>(stresses.data()), count, &count));
-        return stresses;
-    }
+    std::vector<std::array<double, 6>> stresses(uint32_t body) const { return list(palpate_stresses, body); }
     /// Returns the contact force on each vertex of a body's skin, N, world axes; the tool is counted after the last body.
-    std::vector<std::array<double, 3>> contact_forces(uint32_t body) const {
-        static_assert(sizeof(std::array<double, 3>) == sizeof(double[3]), "std::array must have the layout of a C array");
-        size_t count = 0;
-        check(palpate_contact_forces(get(), body, nullptr, 0, &count));
-        std::vector<std::array<double, 3>> forces(count);
-        check(palpate_contact_forces(get(), body, reinterpret_cast<double(*)[3]>(forces.data()), count, &count));
-        return forces;
-    }
+    std::vector<std::array<double, 3>> contact_forces(uint32_t body) const { return list(palpate_contact_forces, body); }
     /// Returns the world positions of the vertices of a body's skin (surface mesh), m. `body`: position of the body in
     /// the scene; the tool is counted after the last body.
     std::vector<std::array<float, 3>> skin(uint32_t body) const {
@@ -299,6 +278,18 @@ public:
     }
 
 private:
+    /// Lists what each node, tetrahedron or vertex of a body has, by two calls of a function of palpate.h.
+    template <size_t N>
+    std::vector<std::array<double, N>>
+    list(palpate_status (*read)(palpate_simulation *, uint32_t, double (*)[N], size_t, size_t *), uint32_t body) const {
+        static_assert(sizeof(std::array<double, N>) == sizeof(double[N]), "std::array must have the layout of a C array");
+        size_t count = 0;
+        check(read(get(), body, nullptr, 0, &count));
+        std::vector<std::array<double, N>> all(count);
+        check(read(get(), body, reinterpret_cast<double (*)[N]>(all.data()), count, &count));
+        return all;
+    }
+
     Wrench step_to(const Pose *device) {
         Wrench wrench{};
         wrench.size = sizeof wrench;

@@ -124,6 +124,37 @@ pub unsafe extern "C" fn palpate_skin(
     })
 }
 
+/// Copies the force of the last step's contacts on each vertex of a body's skin, N, world axes, in the order of the skin.
+/// A contact acts on the vertex that it is found at, and with the opposite force on the corners of the triangle that the
+/// vertex has met; or, where triangles are tested for contact, on the corners of the triangle and on no vertex of the
+/// rigid body that it meets. `body` is the body's position in the scene, from 0; the tool is counted after the last body.
+/// `count` receives the number of vertices; `forces` has room for `capacity` of them, and may be null if `capacity` is 0.
+/// PALPATE_STATUS_TOO_SMALL: there are more vertices than `capacity`, and none was written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_contact_forces(
+    simulation: *mut palpate_simulation,
+    body: u32,
+    forces: *mut [f64; 3],
+    capacity: usize,
+    count: *mut usize,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+        let count = unsafe { sized::answer(count, "count")? };
+        with(simulation, |simulation| {
+            let ranges = simulation.skin_ranges();
+            *count = ranges.get(body as usize).ok_or_else(|| no_body(body, ranges.len()))?.len();
+            if capacity == 0 {
+                return Ok(());
+            }
+            let all: Vec<[f64; 3]> =
+                simulation.contact_forces(body as usize)?.iter().map(|force| force.to_array()).collect();
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+            unsafe { sized::copy(&all, forces, capacity, "forces") }
+        })
+    })
+}
+
 /// Copies the triangles of a body's skin: three vertex indices per triangle, counter-clockwise seen from outside. The
 /// triangles never change. `count` receives their number; `triangles` has room for `capacity` triangles, and may be
 /// null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more triangles than `capacity`, and none was written.

@@ -291,24 +291,19 @@ pub unsafe extern "C" fn palpate_nodes(
     capacity: usize,
     count: *mut usize,
 ) -> palpate_status {
-    guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-        let count = unsafe { sized::answer(count, "count")? };
-        handles::with(simulation as usize, |object: &mut SimulationObject| {
-            known_body(object, body, 0)?;
-            let all = object.simulation.node_positions(body as usize)?;
-            let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
-            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            unsafe { sized::list(&all, positions, capacity, count, "positions") }
-        })
-    })
+    let size = |simulation: &Simulation, body| simulation.node_count(body);
+    let read =
+        |simulation: &mut Simulation, body| Ok(simulation.node_positions(body)?.iter().map(|x| x.to_array()).collect());
+    // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+    unsafe { list_of_layer(simulation, body, (positions, "positions"), capacity, count, size, read) }
 }
 
 /// Copies Cauchy's stress in each tetrahedron of a soft body's layer after the last step, Pa, world axes: xx, yy, zz, xy,
-/// yz, xz, in the order of the layer; with the penalty on compression below a stretch of 0.3, without damping. It is zero in a tetrahedron that is flat or inside out. `body` is
-/// the body's position in the scene, from 0. `count` receives the number of tetrahedra, which is 0 if the body is not
-/// soft. `stresses` has room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there
-/// are more tetrahedra than `capacity`, and none was written.
+/// yz, xz, in the order of the layer. The stress is that of the material's law, with the penalty on compression below a
+/// stretch of 0.3, without damping; it is zero in a tetrahedron that is flat or inside out. `body` is the body's position
+/// in the scene, from 0. `count` receives the number of tetrahedra, which is 0 if the body is not soft. `stresses` has
+/// room for `capacity` of them, and may be null if `capacity` is 0. PALPATE_STATUS_TOO_SMALL: there are more tetrahedra
+/// than `capacity`, and none was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_stresses(
     simulation: *mut palpate_simulation,
@@ -317,63 +312,46 @@ pub unsafe extern "C" fn palpate_stresses(
     capacity: usize,
     count: *mut usize,
 ) -> palpate_status {
-    guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-        let count = unsafe { sized::answer(count, "count")? };
-        handles::with(simulation as usize, |object: &mut SimulationObject| {
-            known_body(object, body, 0)?;
-            if capacity == 0 {
-                *count = object.simulation.tetrahedron_range(body as usize).len();
-                return Ok(());
-            }
-            let all = object.simulation.stresses(body as usize)?;
-            let six = |s: &DMat3| [s.x_axis.x, s.y_axis.y, s.z_axis.z, s.x_axis.y, s.y_axis.z, s.x_axis.z];
-            let all: Vec<[f64; 6]> = all.iter().map(six).collect();
-            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            unsafe { sized::list(&all, stresses, capacity, count, "stresses") }
-        })
-    })
+    let size = |simulation: &Simulation, body| simulation.tetrahedron_range(body).len();
+    let read = |simulation: &mut Simulation, body| {
+        let six = |s: &DMat3| [s.x_axis.x, s.y_axis.y, s.z_axis.z, s.x_axis.y, s.y_axis.z, s.x_axis.z];
+        Ok(simulation.stresses(body)?.iter().map(six).collect())
+    };
+    // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+    unsafe { list_of_layer(simulation, body, (stresses, "stresses"), capacity, count, size, read) }
 }
 
-/// Copies the force of the last step's contacts on each vertex of a body's skin, N, world axes, in the order of the skin.
-/// A contact acts on the vertex that it is found at, and with the opposite force on the corners of the triangle that the
-/// vertex has met; or, where triangles are tested for contact, on the corners of the triangle and on no vertex of the
-/// rigid body that it meets. `body` is the body's position in the scene, from 0; the number of bodies is the tool. `count`
-/// receives the number of vertices; `forces` has room for `capacity` of them, and may be null if `capacity` is 0.
-/// PALPATE_STATUS_TOO_SMALL: there are more vertices than `capacity`, and none was written.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn palpate_contact_forces(
+/// Lists what each node, or each tetrahedron, of a body has: `size` tells how many there are, and `read` reads them.
+///
+/// # Safety
+/// `to` and `count` are pointers as the top of palpate.h describes them.
+unsafe fn list_of_layer<T: Copy>(
     simulation: *mut palpate_simulation,
     body: u32,
-    forces: *mut [f64; 3],
+    (to, name): (*mut T, &str),
     capacity: usize,
     count: *mut usize,
+    size: impl FnOnce(&Simulation, usize) -> usize,
+    read: impl FnOnce(&mut Simulation, usize) -> palpate::Result<Vec<T>>,
 ) -> palpate_status {
     guarded(|| {
-        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+        // SAFETY: the caller keeps the conditions under `# Safety`.
         let count = unsafe { sized::answer(count, "count")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
-            known_body(object, body, 1)?;
+            let bodies = object.simulation.bodies().len();
+            if body as usize >= bodies {
+                let problem = format!("body is {body}; the scene has {bodies} bodies, counted from 0");
+                return Err(Failure::new(palpate_status::Argument, problem));
+            }
             if capacity == 0 {
-                *count = object.simulation.skin_ranges().get(body as usize).map_or(0, |range| range.len());
+                *count = size(&object.simulation, body as usize);
                 return Ok(());
             }
-            let all = object.simulation.contact_forces(body as usize)?;
-            let all: Vec<[f64; 3]> = all.iter().map(|x| x.to_array()).collect();
-            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            unsafe { sized::list(&all, forces, capacity, count, "forces") }
+            let all = read(&mut object.simulation, body as usize)?;
+            // SAFETY: the caller keeps the conditions under `# Safety`.
+            unsafe { sized::list(&all, to, capacity, count, name) }
         })
     })
-}
-
-/// Refuses a body that the scene does not have; `tools` is 1 where the number after the last body means the tool.
-fn known_body(object: &SimulationObject, body: u32, tools: usize) -> Result<(), Failure> {
-    let bodies = object.simulation.bodies().len();
-    if (body as usize) < bodies + tools {
-        return Ok(());
-    }
-    let problem = format!("body is {body}; the scene has {bodies} bodies, counted from 0");
-    Err(Failure::new(palpate_status::Argument, problem))
 }
 
 /// Force and torque by which a support, or a fixed or driven core, acts on its soft body.

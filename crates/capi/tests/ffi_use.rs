@@ -14,9 +14,10 @@ use palpate_capi::context::{
     palpate_context, palpate_context_create, palpate_context_destroy, palpate_context_memory, palpate_context_options,
 };
 use palpate_capi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_parse};
+use palpate_capi::shown::palpate_contact_forces;
 use palpate_capi::simulation::{
-    palpate_contact_forces, palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create,
-    palpate_simulation_destroy, palpate_step, palpate_stresses, palpate_wrench,
+    palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_simulation_destroy,
+    palpate_step, palpate_stresses, palpate_wrench,
 };
 use palpate_capi::status::palpate_status;
 

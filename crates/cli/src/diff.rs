@@ -7,6 +7,7 @@ mod fields;
 mod trace;
 
 use std::fmt;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use palpate::internal::files::extension;
@@ -58,7 +59,7 @@ pub struct Difference {
     rms: f64,
     /// Greatest value in the first run: what the difference is told as a share of.
     of: f64,
-    /// Greatest difference at each moment, as a share of `of`.
+    /// Time (s) of each moment, and the greatest difference then.
     #[serde(skip)]
     curve: Vec<(f64, f64)>,
     #[serde(skip)]
@@ -143,7 +144,7 @@ pub fn diff(arguments: &Arguments) -> Result<()> {
         let mut output = Output::create(folder)?;
         output.write("diff.json", |w| serde_json::to_writer_pretty(w, &all).map_err(Into::into))?;
         let svg = plot(&all)?;
-        output.write("diff.svg", |w| std::io::Write::write_all(w, svg.as_bytes()))?;
+        output.write("diff.svg", |w| w.write_all(svg.as_bytes()))?;
         output.commit()?;
     }
     print(&Table(&all).to_string())?;
@@ -173,9 +174,9 @@ fn trace_of(path: &Path) -> Option<PathBuf> {
 /// Names and files of the series that a path means.
 fn series_of(path: &Path) -> Result<Vec<(String, PathBuf)>> {
     let files = if path.is_dir() {
-        let failed =
-            |source| Error::input(path, None, format!("cannot be read: {source}"), "give a directory of results");
-        let entries = std::fs::read_dir(path).map_err(|error| failed(error.to_string()))?;
+        let entries = std::fs::read_dir(path).map_err(|error| {
+            Error::input(path, None, format!("cannot be read: {error}"), "give a directory of results")
+        })?;
         let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
         files.sort();
         files
@@ -190,8 +191,7 @@ fn series_of(path: &Path) -> Result<Vec<(String, PathBuf)>> {
 
 /// Differences over time of the quantities that differ most.
 fn plot(all: &[Difference]) -> Result<String> {
-    let is_scaled = |difference: &&Difference| difference.of > 0.0 && difference.of.is_finite();
-    let mut shown: Vec<&Difference> = all.iter().filter(is_scaled).collect();
+    let mut shown: Vec<&Difference> = all.iter().filter(|difference| difference.of > 0.0).collect();
     shown.sort_by(|a, b| b.share().total_cmp(&a.share()));
     let line = |difference: &&Difference| Line {
         name: difference.quantity.clone(),
@@ -200,7 +200,7 @@ fn plot(all: &[Difference]) -> Result<String> {
             .curve
             .iter()
             .map(|(time, greatest)| (*time, greatest / difference.of))
-            .filter(|(time, share)| time.is_finite() && share.is_finite())
+            .filter(|(_, share)| share.is_finite())
             .collect(),
         ranges: Vec::new(),
     };

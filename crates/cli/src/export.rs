@@ -41,14 +41,16 @@ pub struct Arguments {
     compression: u8,
 }
 
-/// A series of files that is being written.
+/// A series of files that is being written. If it is dropped before [`Export::end`], nothing of it is left.
 pub struct Export {
     folder: PathBuf,
     schedule: Schedule,
-    moments: SyncSender<Moment>,
+    /// `None` once the writer was told to end.
+    moments: Option<SyncSender<Moment>>,
     /// Steps after which the last moment was taken.
     last: Option<u64>,
-    writer: JoinHandle<Result<(Output, Series)>>,
+    /// `None` once the writer has ended.
+    writer: Option<JoinHandle<Result<(Output, Series)>>>,
 }
 
 /// Which moments are written.
@@ -109,6 +111,7 @@ impl Export {
             .name("export".into())
             .spawn(move || write(files, &received))
             .map_err(|source| Error::Output { file: folder.clone(), source })?;
+        let (moments, writer) = (Some(moments), Some(writer));
         let mut export = Export { folder: folder.clone(), schedule, last: None, moments, writer };
         export.after(0, simulation)?;
         Ok(Some(export))
@@ -127,25 +130,37 @@ impl Export {
     fn take(&mut self, steps: u64, simulation: &mut Simulation) -> Result<()> {
         self.last = Some(steps);
         // A writer that has failed takes no more; its error is told at the end, when the run's other results are kept.
-        if !self.writer.is_finished() {
-            let _ = self.moments.send(Moment::of(steps, simulation)?);
+        if let (Some(moments), false) = (&self.moments, self.writer.as_ref().is_none_or(JoinHandle::is_finished)) {
+            let _ = moments.send(Moment::of(steps, simulation)?);
         }
         Ok(())
     }
 
     /// Waits until all is written, gives the files their names, and returns the directory. Files of an older series that
     /// the new one does not have are removed.
-    pub fn end(self) -> Result<PathBuf> {
-        let Export { folder, moments, writer, .. } = self;
-        drop(moments);
-        let lost = |_| Error::Simulation(format!("internal error: the series {} is not written", folder.display()));
-        let (output, series) = writer.join().map_err(lost)??;
+    pub fn end(mut self) -> Result<PathBuf> {
+        let folder = std::mem::take(&mut self.folder);
+        let lost = || Error::Simulation(format!("internal error: the series {} is not written", folder.display()));
+        let (output, series) = self.written().ok_or_else(lost)??;
         let older = older(&folder, &series);
         output.commit()?;
         for file in older {
             std::fs::remove_file(&file).map_err(|source| Error::Output { file, source })?;
         }
         Ok(folder)
+    }
+
+    /// Waits until the writer has ended, and returns what it leaves; `None` if it has panicked, or was waited for before.
+    fn written(&mut self) -> Option<Result<(Output, Series)>> {
+        self.moments = None;
+        self.writer.take()?.join().ok()
+    }
+}
+
+impl Drop for Export {
+    /// Waits for the writer, which removes its unfinished files; the program may end next.
+    fn drop(&mut self) {
+        drop(self.written());
     }
 }
 

@@ -78,8 +78,8 @@ pub struct Look {
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
     at: Option<glam::DVec3>,
     /// What to show besides the skins (surface meshes): one of pressure, depth, energy, displacement, von-mises,
-    /// hydrostatic, materials (as colours; materials on the tetrahedra, cut open); and force (arrows), proxies (convex collision hulls), regions
-    /// (contact patches), layer (tetrahedra, cut open), cores (rigid cores of soft bodies)
+    /// hydrostatic, materials (as colours; materials on the tetrahedra, cut open); and force (arrows), proxies (convex
+    /// collision hulls), regions (contact patches), layer (tetrahedra, cut open), cores (rigid cores of soft bodies)
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = overlay)]
     show: Vec<Overlay>,
     /// Leave out the simulated time in the images' upper left corner

@@ -223,9 +223,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         engine.time_passes()?;
     }
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
-    let series = Export::begin(&arguments.series, arguments.out.as_deref(), &scene, engine.simulation_mut())?;
+    let mut series = Export::begin(&arguments.series, arguments.out.as_deref(), &scene, engine.simulation_mut())?;
     let stop = Stop::new()?;
-    let (done, series) = simulate(engine, &stop, &scene, &extent, arguments, output.as_mut(), series)?;
+    let done = simulate(engine, &stop, &scene, &extent, arguments, output.as_mut(), series.as_mut())?;
     let series = series.map(Export::end);
     let page = match output {
         None => "no page was written: give --out DIR for one".into(),
@@ -317,8 +317,8 @@ fn simulate(
     extent: &Extent,
     arguments: &Arguments,
     mut output: Option<&mut Output>,
-    mut series: Option<Export>,
-) -> Result<(Done, Option<Export>)> {
+    mut series: Option<&mut Export>,
+) -> Result<Done> {
     let names = Names::of(engine.simulation());
     let file = output.as_ref().map(|output| output.path(TRACE)).unwrap_or_default();
     let failed = |source| Error::Output { file: file.clone(), source };
@@ -359,7 +359,7 @@ fn simulate(
     }?;
     bar.finish_and_clear();
     let steps = tally.steps;
-    if let Some(series) = &mut series {
+    if let Some(series) = series {
         series.last(steps, engine.simulation_mut())?;
     }
     let interrupted = match extent {
@@ -383,7 +383,7 @@ fn simulate(
         (true, None) => ending::pictures(&mut engine, &tally),
         (true, Some(_)) => Err("No picture was rendered, since the run was interrupted.".into()),
     };
-    Ok((Done { tally, outcome, report, played, nearest, interrupted, pictures }, series))
+    Ok(Done { tally, outcome, report, played, nearest, interrupted, pictures })
 }
 
 /// Images that are written at regular intervals: the number of steps from one image to the next, and the studio

@@ -45,7 +45,7 @@ fn runs_are_compared_by_traces_and_fields() {
     run(folder, "softer", &SCENE.replace("young = 1e4", "young = 9e3"));
     run(folder, "finer", &SCENE.replace("dt = 0.004", "dt = 0.002"));
 
-    // The same run: no difference at all.
+    // Two runs of one scene do not differ at all.
     for (a, b) in [("a", "again"), ("a/series", "again/series"), ("a/trace.csv", "again/trace.csv")] {
         let (status, table, said) = palpate(folder, &["diff", a, b]);
         assert_eq!((status, said.as_str()), (Some(0), ""), "{a}: {table}");
@@ -95,6 +95,7 @@ fn what_is_infinite_or_missing_is_a_difference() {
         ("0.2,0,0,1e-18,2", "0.2,0,0,1e-18,1e200", "force by "),
         ("0.2,0,0,1e-18,2", "0.2,0,0,1e-18,NaN", "the runs differ in what they have"),
         ("0.2,0,0,1e-18,2", "0.2,0,0,1e-18,", "the runs differ in what they have"),
+        ("2,0,0,3,0\n", "2,0,0,,0\n", "contacts: a value is missing or no number"),
         ("contacts", "counts", "the runs differ in what they have"),
         ("3,0\n0.2", "3,16\n0.2", "the runs differ in what they have"),
         ("0.2,0,0,1e-18,2,0,0,3,0\n", "0.2,0,0,1e-18,2,0,0,3,0\n0.9,0,0,0,2,0,0,3,0\n", "the runs differ in what"),
@@ -141,7 +142,7 @@ fn contacts_are_matched_by_their_vertices() {
     let folder = folder.path();
     for (name, text) in [
         ("a", grid("4 7 7", "0 0 0 1 0 0 1 1 0", "depth", "1 2 3")),
-        // The same in another order, but for one that is new.
+        // This run has the contacts of the first one in another order, and one that is new.
         ("b", grid("7 9 4 7", "1 0 0 5 5 5 0 0 0 1 1 0", "depth", "2 0.5 1 3")),
         ("c", grid("4 7 7", "0 0 0 1 0 0 1 1 0", "height", "1 2 3")),
     ] {

@@ -254,3 +254,14 @@ fn a_series_that_cannot_be_written_does_not_take_the_results_with_it() {
     assert!(folder.path().join("out/trace.csv").exists());
     assert_eq!(fs::read_dir(folder.path().join("series")).unwrap().count(), 1);
 }
+
+#[test]
+fn a_run_that_fails_leaves_nothing_of_its_series() {
+    let folder = folder();
+    let scene = SCENE.replace("young = 1e4", "young = 1e30");
+    fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let output = run(folder.path(), &["--steps", "3", "--export", "series", "--every", "1"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(4) && said.contains("none of the 3 steps had a finite solution"), "{said}");
+    assert!(!folder.path().join("series").exists());
+}

@@ -65,7 +65,7 @@ fn a_fault_in_each_law_turns_a_case_red() {
         (FORCES, "law.stress = mu * (e +", "law.stress = 1.1 * mu * (e +", "sofa-neo-hookean"),
         // The energy density that is shown.
         (
-            "draw/energy",
+            "draw/elements",
             "density = material.mu * square(even)",
             "density = 1.01 * material.mu * square(even)",
             "energy",

@@ -16,6 +16,7 @@ use crate::shaders::NONE;
 /// Kernels and arrays of the tetrahedra's fields.
 pub struct ElementFields {
     energy: Kernel,
+    /// The kernel of `energy`, specialised to compute stresses too.
     stress: Kernel,
     share: Option<Patches>,
     /// One vec4 per tetrahedron: strain energy density (J/m^3), rest volume (m^3), trace of the strain, and the part of
@@ -49,15 +50,19 @@ impl ElementFields {
             })
         };
         let has_patches = model.patches.count() > 0;
-        let constants = [
-            ("TETRAHEDRA", count(model.tetrahedra.len())),
-            ("SPANS", model.spans_frames().into()),
-            ("PATCHES", has_patches.into()),
-            ("LAWS", material_law::laws_of(&model.materials).into()),
-        ];
+        let kernel = |has_stress: bool| {
+            let constants = [
+                ("TETRAHEDRA", count(model.tetrahedra.len())),
+                ("SPANS", model.spans_frames().into()),
+                ("PATCHES", has_patches.into()),
+                ("LAWS", material_law::laws_of(&model.materials).into()),
+                ("STRESS", has_stress.into()),
+            ];
+            group(context, "draw/elements", &constants)
+        };
         Ok(ElementFields {
-            energy: group(context, "draw/energy", &constants)?,
-            stress: group(context, "draw/stress", &constants)?,
+            energy: kernel(false)?,
+            stress: kernel(true)?,
             share: has_patches.then(share).transpose()?,
             densities: array::<[f32; 4]>(context, "densities", model.tetrahedra.len())?
                 .known_as(&["densities", "numbers"]),
@@ -68,20 +73,7 @@ impl ElementFields {
 
     /// Records the passes that fill `densities`.
     pub fn record_energy(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
-        let arguments = shaders::draw::Energy {
-            materials: &elastic.materials,
-            tetrahedra: &elastic.tetrahedra,
-            rest_gradients: &elastic.rest_gradients,
-            element_info: &elastic.element_info,
-            displacement: &elastic.displacement,
-            tetrahedron_links: elastic.tetrahedron_links.as_ref(),
-            node_rest: Some(&elastic.node_rest),
-            links: Some(&draw.links),
-            patch_of: elastic.mean_dilatation.as_ref().map(|mean_dilatation| &mean_dilatation.patch_of),
-            rotations: &elastic.rotations,
-            densities: &self.densities,
-        };
-        recorder.dispatch(&self.energy, &arguments, elastic.tetrahedron_count as u32);
+        self.record_elements(recorder, &self.energy, draw, elastic);
         if let Some(patches) = &self.share {
             let arguments = shaders::draw::Share {
                 patch_first: &patches.first,
@@ -92,12 +84,16 @@ impl ElementFields {
         }
     }
 
-    /// Records the passes that fill `densities` and `stresses`; one where there are no patches.
+    /// Records the passes that fill `densities` and `stresses`: one where there are no patches.
     pub fn record_all(&self, recorder: &mut Recorder, draw: &Draw, elastic: &Elastic) {
         if self.share.is_some() {
             self.record_energy(recorder, draw, elastic);
         }
-        let arguments = shaders::draw::Stress {
+        self.record_elements(recorder, &self.stress, draw, elastic);
+    }
+
+    fn record_elements(&self, recorder: &mut Recorder, kernel: &Kernel, draw: &Draw, elastic: &Elastic) {
+        let arguments = shaders::draw::Elements {
             materials: &elastic.materials,
             frames: &draw.frames,
             tetrahedra: &elastic.tetrahedra,
@@ -112,7 +108,7 @@ impl ElementFields {
             densities: Some(&self.densities),
             stresses: &self.stresses,
         };
-        recorder.dispatch(&self.stress, &arguments, elastic.tetrahedron_count as u32);
+        recorder.dispatch(kernel, &arguments, elastic.tetrahedron_count as u32);
     }
 }
 

@@ -20,10 +20,10 @@ pub struct TetrahedronFields {
 
 impl Simulation {
     /// Cauchy's stress in each tetrahedron of a soft body after the last step: symmetric, world axes, Pa, in the order of
-    /// the body's tetrahedral mesh; empty for a body that is not soft. The stress is that of the material's law, with the penalty on compression below a
-    /// stretch of 0.3, without damping; it is constant in a tetrahedron. It is zero in a tetrahedron that is flat or inside out, which
-    /// [`Flags::INVERTED`](crate::Flags) reports. The first call makes the arrays; every call costs transfers from the
-    /// GPU.
+    /// the body's tetrahedral mesh; empty for a body that is not soft. The stress is that of the material's law, with the
+    /// penalty on compression below a stretch of 0.3, without damping; it is constant in a tetrahedron. It is zero in a
+    /// tetrahedron that is flat or inside out, which [`Flags::INVERTED`](crate::Flags) reports. The first call makes the
+    /// arrays; every call costs transfers from the GPU.
     ///
     /// # Errors
     /// [`crate::Error::Vulkan`]: a transfer failed, or there is no memory for the arrays.

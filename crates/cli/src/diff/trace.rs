@@ -1,5 +1,6 @@
 //! Compares two traces.
 
+use std::f64::consts::PI;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -9,13 +10,54 @@ use palpate::{Error, Result};
 use super::{Difference, Findings};
 
 const REMEDY: &str = "give a trace.csv that `palpate run --out` wrote";
-/// Endings of the columns of one vector or rotation.
-const GROUPS: [&[&str]; 4] =
-    [&["_x", "_y", "_z"], &["_qx", "_qy", "_qz", "_qw"], &["_fx", "_fy", "_fz"], &["_tx", "_ty", "_tz"]];
-/// Columns of single numbers that are compared, with their units.
-const SCALARS: [(&str, &str); 2] = [("contacts", ""), ("max_depth_m", "m")];
 /// Times that count as the same, as a share of the last one.
 const SAME: f64 = 1e-9;
+
+/// A quantity of a trace.
+struct Quantity {
+    name: String,
+    unit: &'static str,
+    columns: Vec<String>,
+    measure: Measure,
+}
+
+/// How a difference of a quantity is measured, and what it is told as a share of.
+#[derive(Clone, Copy, PartialEq)]
+enum Measure {
+    /// A vector or a number, against its greatest value.
+    Size,
+    /// A position, against its greatest distance from where it began.
+    Position,
+    /// A rotation by its angle, against half a turn.
+    Angle,
+}
+
+impl Quantity {
+    /// The quantity whose first column has this name; `None` for other columns, and for what is not compared.
+    fn beginning_with(column: &str) -> Option<Quantity> {
+        let of = |prefix: &str, name: &str, unit, endings: &[&str], measure| {
+            let columns = endings.iter().map(|ending| format!("{prefix}{ending}")).collect();
+            Some(Quantity { name: format!("{prefix}{name}"), unit, columns, measure })
+        };
+        match column {
+            "contacts" => return of("contacts", "", "", &[""], Measure::Size),
+            "max_depth_m" => return of("max_depth_m", "", "m", &[""], Measure::Size),
+            "force_x" => return of("force", "", "N", &["_x", "_y", "_z"], Measure::Size),
+            "torque_x" => return of("torque", "", "N m", &["_x", "_y", "_z"], Measure::Size),
+            _ => {}
+        }
+        if let Some(prefix) = column.strip_suffix("_qx") {
+            return of(prefix, " orientation", "rad", &["_qx", "_qy", "_qz", "_qw"], Measure::Angle);
+        }
+        if let Some(prefix) = column.strip_suffix("_fx") {
+            return of(prefix, " force", "N", &["_fx", "_fy", "_fz"], Measure::Size);
+        }
+        if let Some(prefix) = column.strip_suffix("_tx") {
+            return of(prefix, " torque", "N m", &["_tx", "_ty", "_tz"], Measure::Size);
+        }
+        of(column.strip_suffix("_x")?, " position", "m", &["_x", "_y", "_z"], Measure::Position)
+    }
+}
 
 /// A trace, one vector of numbers for each column; NaN where a cell is empty.
 struct Trace {
@@ -59,15 +101,14 @@ impl Trace {
         self.names.iter().position(|other| other == name).map(|at| self.columns[at].as_slice())
     }
 
-    /// Whether there are no such columns, or all their cells are empty.
-    fn is_empty(&self, prefix: &str, endings: &[&str]) -> bool {
-        let columns = endings.iter().filter_map(|end| self.column(&format!("{prefix}{end}")));
-        columns.flatten().all(|x| x.is_nan())
+    /// Whether a quantity has no columns, or all their cells are empty.
+    fn is_without(&self, quantity: &Quantity) -> bool {
+        quantity.columns.iter().filter_map(|name| self.column(name)).flatten().all(|x| x.is_nan())
     }
 
-    /// The columns of one vector or rotation, with all their cells filled.
-    fn group(&self, prefix: &str, endings: &[&str]) -> Option<Vec<&[f64]>> {
-        let columns: Option<Vec<&[f64]>> = endings.iter().map(|end| self.column(&format!("{prefix}{end}"))).collect();
+    /// The columns of a quantity, if all their cells are filled.
+    fn filled(&self, quantity: &Quantity) -> Option<Vec<&[f64]>> {
+        let columns: Option<Vec<&[f64]>> = quantity.columns.iter().map(|name| self.column(name)).collect();
         columns.filter(|columns| columns.iter().flat_map(|column| column.iter()).all(|x| !x.is_nan()))
     }
 }
@@ -108,48 +149,27 @@ pub fn compare(a: &Path, b: &Path, findings: &mut Findings) -> Result<Vec<Differ
     let places: Vec<(usize, f64)> =
         steps.iter().map(|k| if are_same { (*k, 0.0) } else { place(others, times[*k]) }).collect();
     let mut all = Vec::new();
-    for name in &first.names {
-        for (kind, endings) in GROUPS.iter().enumerate() {
-            let Some(prefix) = name.strip_suffix(endings[0]) else { continue };
-            let [one, two] = [&first, &second].map(|trace| trace.group(prefix, endings));
-            let (Some(one), Some(two)) = (&one, &two) else {
-                if !(first.is_empty(prefix, endings) && second.is_empty(prefix, endings)) {
-                    findings.unmatched.push(format!("{prefix}: a value is missing or no number; it is not compared"));
-                }
-                continue;
-            };
-            let (what, unit) = match (kind, prefix) {
-                (1, _) => (format!("{prefix} orientation"), "rad"),
-                (2, _) => (format!("{prefix} force"), "N"),
-                (3, _) => (format!("{prefix} torque"), "N m"),
-                (_, "force") => ("force".into(), "N"),
-                (_, "torque") => ("torque".into(), "N m"),
-                _ => (format!("{prefix} position"), "m"),
-            };
-            let start: Vec<f64> = one.iter().map(|column| column[steps[0]]).collect();
-            let mut difference = Difference::new(what, unit);
-            for (k, place) in steps.iter().zip(&places) {
-                let at: Vec<f64> = one.iter().map(|column| column[*k]).collect();
-                let other = interpolated(two, *place, kind == 1);
-                let values = match kind {
-                    1 => (angle(&at, &other), std::f64::consts::PI),
-                    _ if difference.quantity.ends_with("position") => (distance(&at, &other), distance(&at, &start)),
-                    _ => (distance(&at, &other), norm(&at)),
-                };
-                difference.add(times[*k], [values].into_iter());
+    for quantity in first.names.iter().filter_map(|name| Quantity::beginning_with(name)) {
+        let (Some(one), Some(two)) = (first.filled(&quantity), second.filled(&quantity)) else {
+            if !(first.is_without(&quantity) && second.is_without(&quantity)) {
+                let name = &quantity.name;
+                findings.unmatched.push(format!("{name}: a value is missing or no number; it is not compared"));
             }
-            all.push(difference.done());
+            continue;
+        };
+        let start: Vec<f64> = one.iter().map(|column| column[steps[0]]).collect();
+        let mut difference = Difference::new(quantity.name, quantity.unit);
+        for (k, place) in steps.iter().zip(&places) {
+            let at: Vec<f64> = one.iter().map(|column| column[*k]).collect();
+            let other = interpolated(&two, *place, quantity.measure == Measure::Angle);
+            let values = match quantity.measure {
+                Measure::Size => (distance(&at, &other), norm(&at)),
+                Measure::Position => (distance(&at, &other), distance(&at, &start)),
+                Measure::Angle => (angle(&at, &other), PI),
+            };
+            difference.add(times[*k], [values].into_iter());
         }
-        if let Some((_, unit)) = SCALARS.iter().find(|(scalar, _)| scalar == name)
-            && let (Some(one), Some(two)) = (first.group(name, &[""]), second.group(name, &[""]))
-        {
-            let mut difference = Difference::new(name.trim_end_matches("_m").replace('_', " "), unit);
-            for (k, place) in steps.iter().zip(&places) {
-                let other = interpolated(&two, *place, false)[0];
-                difference.add(times[*k], [((one[0][*k] - other).abs(), one[0][*k].abs())].into_iter());
-            }
-            all.push(difference.done());
-        }
+        all.push(difference.done());
     }
     if are_same && let [Some(one), Some(two)] = [first.column("flags"), second.column("flags")] {
         let count = one.iter().zip(two).filter(|(a, b)| a != b).count();

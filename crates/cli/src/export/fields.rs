@@ -8,7 +8,8 @@ use glam::{DMat3, DVec3};
 pub type Symmetric = [f64; 6];
 
 /// Eigenvalues, the greatest first, by the trigonometric solution of the characteristic equation (Smith, "Eigenvalues of a
-/// symmetric 3 x 3 matrix", 1961).
+/// symmetric 3 x 3 matrix", 1961): the writer needs two for each tetrahedron of each moment, which iterative methods of
+/// libraries take a step's time for.
 pub fn eigenvalues([xx, yy, zz, xy, yz, xz]: Symmetric) -> [f64; 3] {
     let mean = (xx + yy + zz) / 3.0;
     let (a, b, c) = (xx - mean, yy - mean, zz - mean);

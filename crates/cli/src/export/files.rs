@@ -68,7 +68,7 @@ impl Files {
     /// Writes the files of a moment. That of a rigid body is left out while the body stays; the list of files names the
     /// last one again.
     pub fn write(&mut self, moment: Moment) -> Result<()> {
-        let Moment { steps, time, bodies, tetrahedra, contacts, pushes } = moment;
+        let Moment { steps, time, bodies, tetrahedra, contacts, forces } = moment;
         let mut shown = std::mem::take(&mut self.bodies);
         let mut first = 0;
         for (index, (body, state)) in shown.iter_mut().zip(bodies).enumerate() {
@@ -76,8 +76,8 @@ impl Files {
             match (state, &body.soft, &tetrahedra) {
                 (State::Soft { displacement, velocity }, Some(soft), Some(tetrahedra)) => {
                     let mut contact_force = vec![DVec3::ZERO; soft.rest.len()];
-                    for push in pushes.iter().filter(|push| push.body == index) {
-                        contact_force[push.vertex] += push.force;
+                    for own in forces.iter().filter(|force| force.body == index) {
+                        contact_force[own.vertex] += own.force;
                     }
                     let range = first..first + soft.layer.tetrahedra.len();
                     first = range.end;
@@ -86,9 +86,9 @@ impl Files {
                     self.grid(&skin, steps, time, &points, &body.triangles, &data)?;
                     let (densities, stresses) = (&tetrahedra.densities[range.clone()], &tetrahedra.stresses[range]);
                     let (points, mut data) = soft.layer(self.encoder, &moved, densities, stresses);
-                    let forces = soft.spread(&contact_force);
+                    let on_nodes = soft.spread(&contact_force);
                     data.points.push(vectors(self.encoder, "velocity", &velocity));
-                    data.points.push(vectors(self.encoder, "contact_force", &forces));
+                    data.points.push(vectors(self.encoder, "contact_force", &on_nodes));
                     self.grid(&format!("{}-layer", body.name), steps, time, &points, &soft.tetrahedra, &data)?;
                 }
                 (State::Rigid { vertices }, ..) if !vertices.is_empty() => {
@@ -147,13 +147,9 @@ impl Soft {
 
     /// Points and data of the skin. `moved`: displacements of the nodes, world axes, m; `forces` on the vertices, N.
     fn skin(&self, encoder: Encoder, moved: &[DVec3], forces: &[DVec3]) -> (Vec<f64>, Data) {
-        let displaced = |e: &Embedding| -> DVec3 {
-            let nodes = self.layer.tetrahedra[e.tetrahedron as usize];
-            nodes.iter().zip(e.weights).map(|(n, w)| w * moved[*n as usize]).sum()
-        };
+        let displaced = |e: &Embedding| e.interpolate(&self.layer.tetrahedra, moved);
         let displacements: Vec<DVec3> = self.embedding.iter().map(displaced).collect();
-        let now = |(rest, d): (&DVec3, &DVec3)| self.position + self.orientation * *rest + *d;
-        let points: Vec<DVec3> = self.rest.iter().zip(&displacements).map(now).collect();
+        let points = self.placed(&self.rest, &displacements);
         let arrays = [("displacement", displacements.as_slice()), ("contact_force", forces)];
         let points_data = arrays.map(|(name, all)| vectors(encoder, name, all)).to_vec();
         (coordinates(&points), Data { points: points_data, cells: Vec::new() })
@@ -167,8 +163,7 @@ impl Soft {
         densities: &[[f32; 4]],
         stresses: &[[f32; 8]],
     ) -> (Vec<f64>, Data) {
-        let now = |(rest, d): (&DVec3, &DVec3)| self.position + self.orientation * *rest + *d;
-        let points: Vec<DVec3> = self.layer.nodes.iter().zip(moved).map(now).collect();
+        let points = self.placed(&self.layer.nodes, moved);
         let tensors: Vec<[f32; 6]> =
             stresses.iter().map(|[xx, yy, zz, _, xy, xz, yz, _]| [*xx, *yy, *zz, *xy, *yz, *xz]).collect();
         let principal = |tensor: &[f32; 6]| eigenvalues(tensor.map(f64::from)).map(|x| x as f32);
@@ -189,6 +184,12 @@ impl Soft {
             self.materials.clone(),
         ];
         (coordinates(&points), Data { points: vec![vectors(encoder, "displacement", moved)], cells })
+    }
+
+    /// World positions of points that are displaced (world axes, m) from where they are at rest.
+    fn placed(&self, rest: &[DVec3], displacements: &[DVec3]) -> Vec<DVec3> {
+        let now = |(rest, d): (&DVec3, &DVec3)| self.position + self.orientation * *rest + *d;
+        rest.iter().zip(displacements).map(now).collect()
     }
 
     /// Forces on the nodes, from those on the vertices of the skin by the weights of their embedding.

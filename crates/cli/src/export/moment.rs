@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use palpate::internal::prepare::Shape;
-use palpate::internal::step::{Push, TetrahedronFields};
+use palpate::internal::step::{TetrahedronFields, VertexForce};
 use palpate::{ContactPoint, Result, Simulation};
 
 /// The state after a step.
@@ -17,7 +17,7 @@ pub struct Moment {
     pub tetrahedra: Option<TetrahedronFields>,
     pub contacts: Vec<ContactPoint>,
     /// Contact forces on vertices of the skins.
-    pub pushes: Vec<Push>,
+    pub forces: Vec<VertexForce>,
 }
 
 /// State of a body.
@@ -40,13 +40,13 @@ impl Moment {
         let count = simulation.skin_ranges().len();
         let is_soft = simulation.bodies().iter().any(|body| matches!(body.shape, Shape::Soft { .. }));
         let tetrahedra = if is_soft { Some(simulation.tetrahedron_fields()?) } else { None };
-        let (contacts, pushes) = simulation.contacts_and_pushes()?;
+        let (contacts, forces) = simulation.contacts_and_forces()?;
         let bodies = (0..count).map(|body| match simulation.nodes(body) {
             Ok(Some((displacement, velocity))) => Ok(State::Soft { displacement, velocity }),
             Ok(None) => Ok(State::Rigid { vertices: simulation.vertex_positions(body)? }),
             Err(error) => Err(error),
         });
         let bodies = bodies.collect::<Result<_>>()?;
-        Ok(Moment { steps, time: simulation.time(), bodies, tetrahedra, contacts, pushes })
+        Ok(Moment { steps, time: simulation.time(), bodies, tetrahedra, contacts, forces })
     }
 }

@@ -395,8 +395,8 @@ class Simulation:
 
     def stress(self, body: str | SupportsIndex = 0) -> Floats:
         """Cauchy's stress in each tetrahedron of a soft body after the last step, Pa, world axes, shape (M, 3, 3); empty
-        for another body. It is that of the material's law, with the penalty on compression below a stretch of 0.3, without damping, and zero in a tetrahedron that is flat or
-        inside out."""
+        for another body. It is that of the material's law, with the penalty on compression below a stretch of 0.3,
+        without damping. It is zero in a tetrahedron that is flat or inside out."""
         return self._native.stress(self._body(body))
 
     def strain_energy_density(self, body: str | SupportsIndex = 0) -> Floats:

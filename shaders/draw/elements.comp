@@ -6,19 +6,25 @@
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
 
-// Draw stage (for display and export, not part of a step): Cauchy's stress of each tetrahedron at its present
-// displacements, P F^T / det F, with the deformation gradient F and the first Piola-Kirchhoff stress P of its material
-// law (shared/material_law.glsl), the compression penalty included, damping not; and its strain energy density. Where
-// Lame's first parameter lambda may act through F-bar patches (groups of tetrahedra with one volumetric strain),
-// draw/energy and draw/share must have run before; they leave the densities and the patch's part of P. A tetrahedron that is inside out or flat has no such stress; zero is written
-// for it. One invocation runs for each tetrahedron. The f64 reference implementations are
-// oracle::elastic::Elements::stresses and densities. A frame is a rigid coordinate frame, a link the relative placement of two frames.
+// Draw stage (for display and export, not part of a step): strain energy density of each tetrahedron at its present
+// displacements, by its material law (shared/material_law.glsl), and, where STRESS is set, Cauchy's stress P F^T / det F,
+// with the deformation gradient F and the law's first Piola-Kirchhoff stress P. Both contain the compression penalty;
+// damping is left out. A tetrahedron that is flat or inside out has no such stress, and zero is written for it.
+//
+// Where Lame's first parameter lambda may act through F-bar patches (groups of tetrahedra with one volumetric strain), two
+// passes are needed. The first one, without STRESS, writes the densities, and draw/share adds lambda's part to them and
+// leaves its part of P. The second one, with STRESS, reads that part.
+//
+// The rotations of the last step only serve as the first guess of the polar decomposition of F. One invocation runs for
+// each tetrahedron. The f64 reference implementations are oracle::elastic::Elements::densities and stresses. A frame is
+// a rigid coordinate frame, a link the relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TETRAHEDRA = 0;
 layout(constant_id = 2) const bool SPANS = false;       // whether a tetrahedron may have nodes in several frames
 layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may act through F-bar patches
 layout(constant_id = 4) const uint LAWS = 1;            // a bit for each material law in use
+layout(constant_id = 5) const bool STRESS = false;      // whether to compute stresses too
 
 layout(scalar) readonly buffer Materials { ElasticMaterial materials[]; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
@@ -31,8 +37,8 @@ READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer Links { Link links[]; };            // between frames, as they are now
 layout(scalar) readonly buffer PatchOf { uint patch_of[]; };       // patch of each tetrahedron, or NONE
 READ_ONLY(vec4, rotations);
-// Written where there are no patches, as draw/energy does. Else read: w is the patch's part of the stress, lambda times
-// its mean dilatation, Pa.
+// J/m^3; volume, m^3; tr(strain); lambda where a patch applies it, Pa. After draw/share the last one is the patch's part
+// of the stress, Pa.
 layout(scalar) buffer Densities { vec4 densities[]; };
 // Two per tetrahedron, world axes, Pa: xx, yy, zz and von Mises's stress; xy, xz, yz and the pressure max(0, -trace / 3).
 layout(scalar) writeonly buffer Stresses { vec4 stresses[]; };
@@ -55,12 +61,15 @@ void main() {
     mat3 g = displacement_gradient(nodes, link, g1.xyz, g2.xyz, g3.xyz);
     bool lost;
     vec4 q = polar(mat3(1.0) + g, fetch(rotations, t), lost);
-    mat3 e = strain(q, g), stretch = mat3(1.0) + e;
-    bool shares = PATCHES && patch_of[t] != NONE;
-    mat3 compression = excess_compression(e);
-    mat3 piola = evaluate(material, e, compression, shares ? 0.0 : material.lambda).stress;
-    if (shares) piola += mat3(densities[t].w);
-    if (!PATCHES) densities[t] = vec4(energy_density(material, e, compression, material.lambda), g1.w * g1.w, trace(e), 0.0);
+    mat3 e = strain(q, g), compression = excess_compression(e);
+    float shared_lambda = PATCHES && patch_of[t] != NONE ? material.lambda : 0.0;
+    float own_lambda = material.lambda - shared_lambda;
+    if (!(STRESS && PATCHES)) {
+        densities[t] = vec4(energy_density(material, e, compression, own_lambda), g1.w * g1.w, trace(e), shared_lambda);
+    }
+    if (!STRESS) return;
+    mat3 stretch = mat3(1.0) + e, piola = evaluate(material, e, compression, own_lambda).stress;
+    if (PATCHES && patch_of[t] != NONE) piola += mat3(densities[t].w);
     float volume = determinant(stretch);
     mat3 cauchy = volume > 0.0 ? even_part(piola * transpose(stretch)) / volume : mat3(0.0);
     vec4 world = compose(frames[element_info[t].y].rotation, q);
