@@ -8,7 +8,7 @@ packages/wheel.sh target/wheels
 environment=$PWD/target/python-check
 python3 -m venv --clear "$environment"
 "$environment/bin/pip" install --quiet target/wheels/palpate-*.whl pytest pyright distributed pyarrow nbclient \
-    ipykernel matplotlib meshio pyvista
+    ipykernel matplotlib meshio pyvista usd-core mcap mcap-protobuf-support
 cd crates/python
 "$environment/bin/pyright" --pythonpath "$environment/bin/python"
 "$environment/bin/python" -m pytest --quiet tests

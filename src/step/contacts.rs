@@ -38,6 +38,13 @@ pub struct ContactPoint {
     pub friction: DVec3,
 }
 
+impl ContactPoint {
+    /// Force on the body that the vertex or triangle belongs to, world axes, N.
+    pub fn force(&self) -> DVec3 {
+        self.area * (self.pressure * self.normal + self.friction)
+    }
+}
+
 /// The force of a contact on a vertex of a skin.
 #[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,6 +1,8 @@
 //! Runs a scene whose tool (the rigid body that a user moves) is held by a haptic device: makes the device, runs the
 //! session (one run of the haptic loop) and records the session.
 
+use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::path::Path;
 
 use palpate::internal::haptics::Device;
@@ -12,7 +14,7 @@ use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
-use palpate_devices::record::{Header, Recording};
+use palpate_devices::record::{Found, Header, Recording};
 use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 use palpate_page::Reduced;
 
@@ -138,6 +140,14 @@ pub fn hold(
     let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
     let device = device(scene, start)?;
     let mut recording = record.map(|path| recording(path, engine, scene, device.profile())).transpose()?;
+    // What steps found that are not recorded yet: steps are recorded after they are done, the first ones together.
+    let found = recording.as_ref().filter(|recording| recording.has_found()).map(|_| RefCell::new(VecDeque::new()));
+    let mut watch = |row: &StepReport, simulation: &mut Simulation| {
+        if let Some(found) = &found {
+            found.borrow_mut().push_back(Found { contacts: simulation.contacts()?, flags: row.flags });
+        }
+        watch(row, simulation)
+    };
     // A signal ends the session in order, and the device is released.
     let stop = Stop::or_suspended()?;
     let options = Options { seconds, shortest_step: scene.step.dt, stop: stop.flag(), bare_timer: true };
@@ -152,9 +162,13 @@ pub fn hold(
         }
         (None, _) => Ok(()),
         (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool),
-        (Some(recording), Moment::Step(input, h, wrench)) => recording.step(input, h, wrench),
+        (Some(recording), Moment::Step(input, h, wrench)) => {
+            recording.step(input, h, wrench)?;
+            let found = found.as_ref().and_then(|found| found.borrow_mut().pop_front());
+            found.map_or(Ok(()), |found| recording.found(input, &found))
+        }
     };
-    let mut environment = Watched { engine, watch };
+    let mut environment = Watched { engine, watch: &mut watch };
     let report = session::hold(device, &tool, &scene.haptics, &mut environment, &options, write)?;
     recording.map_or(Ok(()), |recording| recording.finish().map(drop))?;
     Ok(report)

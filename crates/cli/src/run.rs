@@ -80,8 +80,8 @@ pub struct Arguments {
     /// be lowered
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
     profile: Option<String>,
-    /// File to record every tick (iteration) of the haptic loop into, for `palpate replay`; if the file's name ends in
-    /// .csv, it becomes a table, which cannot be replayed
+    /// File to record every tick (iteration) of the haptic loop into, for `palpate replay`. A file that cannot be replayed
+    /// is made if its name ends in .csv, a table, or in .mcap, a log for Foxglove and rerun with the contacts of every step
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     /// Do not simulate; print which GPU passes a step of N (default 16) solver iterations has, which are left out, and

@@ -7,6 +7,7 @@
 //! all entries that were written before can be read.
 
 pub mod fields;
+mod log;
 mod read;
 mod table;
 #[cfg(test)]
@@ -16,6 +17,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+pub use log::{Found, Log};
 use palpate::internal::files;
 use palpate::internal::haptics::servo::{Settings, Tick};
 use palpate::internal::step::tool::Tool;
@@ -139,24 +141,32 @@ pub struct Recording {
 enum Sink {
     Binary(BufWriter<File>),
     Csv(Box<Table<BufWriter<File>>>),
+    Mcap(Box<Log<BufWriter<File>>>),
 }
 
 impl Recording {
-    /// Creates the file, replacing an existing one. If the file's name ends in `.csv`, the file holds only the ticks,
-    /// as a table (see [`Table`]), which cannot be replayed.
+    /// Creates the file, replacing an existing one. A file that cannot be replayed is made where its name ends in
+    /// `.csv`, with the ticks alone as a table (see [`Table`]), and in `.mcap`, with all of it for other programs (see
+    /// [`Log`]).
     pub fn create(path: &Path, header: &Header) -> Result<Recording> {
-        let is_table = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+        let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         let failed = |source| Error::Output { file: path.into(), source };
         let mut file = BufWriter::with_capacity(BUFFER, File::create(path).map_err(failed)?);
-        let sink = match is_table {
-            true => Sink::Csv(Box::new(Table::new(file))),
-            false => {
+        let sink = match ending.to_str() {
+            Some("csv") => Sink::Csv(Box::new(Table::new(file))),
+            Some("mcap") => Sink::Mcap(Box::new(Log::new(file, header).map_err(failed)?)),
+            _ => {
                 let opening = [MAGIC.as_slice(), &VERSION.to_le_bytes()].concat();
                 file.write_all(&opening).and_then(|()| write(&mut file, header)).map_err(failed)?;
                 Sink::Binary(file)
             }
         };
         Ok(Recording { file: path.into(), sink, totals: Totals::default(), next: 0 })
+    }
+
+    /// Whether the file holds what each step found, which [`Recording::found`] records. Only an MCAP log does.
+    pub fn has_found(&self) -> bool {
+        matches!(self.sink, Sink::Mcap(_))
     }
 
     /// Records what the servo was made with; called before the first tick and the first step.
@@ -169,10 +179,7 @@ impl Recording {
         self.totals.ticks += 1;
         self.totals.lost += tick.index.saturating_sub(self.next);
         self.next = tick.index + 1;
-        match &mut self.sink {
-            Sink::Csv(table) => table.write(tick).map_err(|source| Error::Output { file: self.file.clone(), source }),
-            Sink::Binary(_) => self.put(Entry::Tick(Box::new(*tick))),
-        }
+        self.put(Entry::Tick(Box::new(*tick)))
     }
 
     /// Records a step of `h` s with its inputs and the contact wrench that it returned.
@@ -181,21 +188,38 @@ impl Recording {
         self.put(Entry::Step(Box::new(Step { input: *input, h, wrench: *wrench })))
     }
 
+    /// Records what a step found whose inputs were `input`; does nothing unless [`Recording::has_found`].
+    pub fn found(&mut self, input: &DeviceInput, found: &Found) -> Result<()> {
+        match &mut self.sink {
+            Sink::Mcap(log) => log.found(input.time, found),
+            Sink::Binary(_) | Sink::Csv(_) => Ok(()),
+        }
+        .map_err(|source| Error::Output { file: self.file.clone(), source })
+    }
+
     /// Writes [`Entry::End`] and returns the numbers of entries.
     pub fn finish(mut self) -> Result<Totals> {
         self.put(Entry::End(self.totals))?;
         let flushed = match self.sink {
             Sink::Binary(mut file) => file.flush(),
             Sink::Csv(table) => table.finish(),
+            Sink::Mcap(log) => log.finish(),
         };
         flushed.map_err(|source| Error::Output { file: self.file, source })?;
         Ok(self.totals)
     }
 
-    /// Writes an entry; does nothing where the file is a table.
+    /// Writes an entry, or as much of it as the file's format has room for.
     fn put(&mut self, entry: Entry) -> Result<()> {
-        let Sink::Binary(file) = &mut self.sink else { return Ok(()) };
-        write(file, &entry).map_err(|source| Error::Output { file: self.file.clone(), source })
+        match (&mut self.sink, &entry) {
+            (Sink::Binary(file), _) => write(file, &entry),
+            (Sink::Csv(table), Entry::Tick(tick)) => table.write(tick),
+            (Sink::Mcap(log), Entry::Begin(begin)) => log.begin(begin),
+            (Sink::Mcap(log), Entry::Tick(tick)) => log.tick(tick),
+            (Sink::Mcap(log), Entry::Step(step)) => log.step(step),
+            (Sink::Csv(_) | Sink::Mcap(_), _) => Ok(()),
+        }
+        .map_err(|source| Error::Output { file: self.file.clone(), source })
     }
 }
 

@@ -223,7 +223,7 @@ fn contact_grid(encoder: Encoder, contacts: &[ContactPoint]) -> (Vec<f64>, Cells
         scalar("depth", &|contact| contact.depth),
         scalar("area", &|contact| contact.area),
         scalar("pressure", &|contact| contact.pressure),
-        vector("force", &|contact| contact.area * (contact.pressure * contact.normal + contact.friction)),
+        vector("force", &ContactPoint::force),
         index("body", &|contact| contact.bodies[0]),
         index("other_body", &|contact| contact.bodies[1]),
         index("vertex", &|contact| contact.vertex),

@@ -20,18 +20,17 @@ const SIX: [&str; 6] = ["_x", "_y", "_z", "_rx", "_ry", "_rz"];
 #[derive(Debug, Clone, Copy)]
 pub struct Field {
     name: [&'static str; 3],
-    value: Value,
+    /// The value. Its variant does not depend on the tick or step, only on the name.
+    pub value: Value,
 }
 
-/// A value of a field.
+/// A value of a field. A number is `None` where there is none, as where the device could not be read.
 #[derive(Debug, Clone, Copy)]
 pub enum Value {
-    /// No value, as where the device could not be read.
-    Nothing,
     /// A whole number.
-    Count(u64),
+    Count(Option<u64>),
     /// A number, of which every bit is compared.
-    Number(f64),
+    Number(Option<f64>),
     /// A set of events, shown as names joined with `|`.
     Events(Events),
 }
@@ -45,9 +44,8 @@ impl Field {
     /// The value as text; a number in the shortest form that reads back as the same f64.
     pub fn text(&self) -> String {
         match self.value {
-            Value::Nothing => String::new(),
-            Value::Count(count) => count.to_string(),
-            Value::Number(number) => format!("{number:?}"),
+            Value::Count(count) => count.map_or(String::new(), |count| count.to_string()),
+            Value::Number(number) => number.map_or(String::new(), |number| format!("{number:?}")),
             Value::Events(events) => events.names().collect::<Vec<_>>().join("|"),
         }
     }
@@ -55,8 +53,8 @@ impl Field {
     /// The value as a message shows it: values that differ never look alike.
     pub fn told(&self) -> String {
         match self.value {
-            Value::Nothing => "nothing".into(),
-            Value::Number(number) if number.is_nan() => format!("NaN ({:#x})", number.to_bits()),
+            Value::Count(None) | Value::Number(None) => "nothing".into(),
+            Value::Number(Some(number)) if number.is_nan() => format!("NaN ({:#x})", number.to_bits()),
             Value::Events(events) if events.0 >> Event::ALL.len() != 0 => format!("{:#x}", events.0),
             Value::Events(Events(0)) => "none".into(),
             _ => self.text(),
@@ -66,9 +64,8 @@ impl Field {
     /// Whether two values agree in every bit.
     pub fn is_same(&self, other: &Field) -> bool {
         match (self.value, other.value) {
-            (Value::Nothing, Value::Nothing) => true,
             (Value::Count(a), Value::Count(b)) => a == b,
-            (Value::Number(a), Value::Number(b)) => a.to_bits() == b.to_bits(),
+            (Value::Number(a), Value::Number(b)) => a.map(f64::to_bits) == b.map(f64::to_bits),
             (Value::Events(a), Value::Events(b)) => a == b,
             _ => false,
         }
@@ -128,8 +125,7 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.number("held_time_s", time);
     fields.state("held_device", &device);
     fields.state("held_tool", &tool);
-    let gain =
-        |of: fn(&Coupling) -> f64| coupling.as_ref().map_or(Value::Nothing, |coupling| Value::Number(of(coupling)));
+    let gain = |of: fn(&Coupling) -> f64| Value::Number(coupling.as_ref().map(of));
     fields.add(["held_stiffness", "", ""], gain(|c| c.stiffness));
     fields.add(["held_damping", "", ""], gain(|c| c.damping));
     fields.add(["held_stiffness", "_angular", ""], gain(|c| c.angular_stiffness));
@@ -155,13 +151,13 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.wrench(["force", "torque"], wrench);
     for (group, matrix) in [("stiffness", stiffness), ("damping", damping)] {
         for (row, numbers) in SIX.into_iter().zip(matrix) {
-            SIX.into_iter().zip(numbers).for_each(|(k, x)| fields.add([group, row, k], Value::Number(x)));
+            SIX.into_iter().zip(numbers).for_each(|(k, x)| fields.add([group, row, k], Value::Number(Some(x))));
         }
     }
     fields.number("pressing_n", pressing);
     fields.numbers("friction", XYZ, friction.to_array());
     fields.number("most_friction_n", most_friction);
-    let of_gap = |of: fn(&Gap) -> f64| gap.as_ref().map_or(Value::Nothing, |gap| Value::Number(of(gap)));
+    let of_gap = |of: fn(&Gap) -> f64| Value::Number(gap.as_ref().map(of));
     fields.add(["gap_normal", "_x", ""], of_gap(|gap| gap.normal.x));
     fields.add(["gap_normal", "_y", ""], of_gap(|gap| gap.normal.y));
     fields.add(["gap_normal", "_z", ""], of_gap(|gap| gap.normal.z));
@@ -182,15 +178,15 @@ impl List {
     }
 
     fn count(&mut self, name: &'static str, count: u64) {
-        self.add([name, "", ""], Value::Count(count));
+        self.add([name, "", ""], Value::Count(Some(count)));
     }
 
     fn number(&mut self, name: &'static str, number: f64) {
-        self.add([name, "", ""], Value::Number(number));
+        self.add([name, "", ""], Value::Number(Some(number)));
     }
 
     fn numbers<const N: usize>(&mut self, group: &'static str, parts: [&'static str; N], numbers: [f64; N]) {
-        parts.into_iter().zip(numbers).for_each(|(part, x)| self.add([group, part, ""], Value::Number(x)));
+        parts.into_iter().zip(numbers).for_each(|(part, x)| self.add([group, part, ""], Value::Number(Some(x))));
     }
 
     fn state(&mut self, group: &'static str, state: &RigidState) {
@@ -215,7 +211,13 @@ impl List {
         self.state("read", &state);
         self.count("buttons", buttons.into());
         if reading.is_none() {
-            self.0[first..].iter_mut().for_each(|field| field.value = Value::Nothing);
+            self.0[first..].iter_mut().for_each(|field| {
+                field.value = match field.value {
+                    Value::Count(_) => Value::Count(None),
+                    Value::Number(_) => Value::Number(None),
+                    Value::Events(events) => Value::Events(events),
+                }
+            });
         }
     }
 }

@@ -1,16 +1,18 @@
 //! Tests of recordings: writing, reading back, damaged files and tables. The tests of `replay` use the session of these
 //! tests too. A *tick* is one iteration of the haptic loop.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
-use palpate::RigidState;
 use palpate::internal::haptics::environment::{Environment, Wall};
 use palpate::internal::haptics::event::Event;
 use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::Servo;
 use palpate::internal::haptics::{Fault, Reading};
 use palpate::scene::{Coupling, Lowered, Profile};
+use palpate::{ContactPoint, Flags, RigidState};
+use prost_reflect::Value;
 
 use super::*;
 
@@ -315,4 +317,147 @@ fn a_place_that_cannot_be_written_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let error = Recording::create(&folder.path().join("none/session"), &header()).err().unwrap();
     assert!(matches!(&error, Error::Output { file, .. } if file.ends_with("none/session")), "wrong error: {error}");
+}
+
+/// The messages of an MCAP log by topic, decoded by the schemas in the file: time, ns, and values by name.
+fn messages(path: &Path) -> BTreeMap<String, Vec<(u64, Value)>> {
+    let bytes = std::fs::read(path).unwrap();
+    let mut topics = BTreeMap::<String, Vec<_>>::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let of_topic = topics.entry(message.channel.topic.clone()).or_default();
+        assert_eq!(message.sequence as usize, of_topic.len());
+        let schema = message.channel.schema.as_ref().unwrap();
+        assert_eq!((&*schema.encoding, &*message.channel.message_encoding), ("protobuf", "protobuf"));
+        let pool = prost_reflect::DescriptorPool::decode(&*schema.data).unwrap();
+        let kind = pool.get_message_by_name(&schema.name).unwrap();
+        let value = prost_reflect::DynamicMessage::decode(kind, &*message.data).unwrap();
+        of_topic.push((message.log_time, Value::Message(value)));
+    }
+    topics
+}
+
+fn get(value: &Value, path: &str) -> Value {
+    let next = |value: Value, name| value.as_message().unwrap().get_field_by_name(name).unwrap().into_owned();
+    path.split('.').fold(value.clone(), next)
+}
+
+#[test]
+fn a_name_that_ends_in_mcap_gives_a_log_of_every_tick_step_and_contact() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session.mcap");
+    let mut recording = Recording::create(&path, &header()).unwrap();
+    assert!(recording.has_found());
+    let all = entries();
+    write_all(&mut recording, &all);
+    let contact = |k: f64| ContactPoint {
+        bodies: [1, 0],
+        vertex: 7 + k as usize,
+        position: DVec3::new(k, 0.1, -0.2),
+        normal: DVec3::Z,
+        depth: 1e-3 * k,
+        area: 2e-6,
+        pressure: 1e3,
+        friction: DVec3::X * 200.0,
+    };
+    let input = |time| DeviceInput { time, ..all.iter().find_map(step_of).unwrap().input };
+    let flags = Flags::FROZEN | Flags::CONTACT_OVERFLOW;
+    recording.found(&input(0.25), &Found { contacts: Vec::new(), flags: Flags::default() }).unwrap();
+    recording.found(&input(0.5), &Found { contacts: vec![contact(1.0), contact(2.0)], flags }).unwrap();
+    recording.finish().unwrap();
+
+    let topics = messages(&path);
+    let names = ["/contacts", "/device", "/flags", "/step", "/tick", "/tool"];
+    assert_eq!(topics.keys().collect::<Vec<_>>(), names);
+    // Every field of every tick and step has the same bits, and is missing where it has no value.
+    let ticks = all.iter().filter_map(|entry| if let Entry::Tick(tick) = entry { Some(&**tick) } else { None });
+    let rows = ticks.clone().map(|tick| (tick.time, fields::of_tick(tick)));
+    let steps = all.iter().filter_map(step_of).map(|step| (step.input.time, fields::of_step(step)));
+    let mut empty = 0;
+    for (topic, rows) in [("/tick", rows.collect::<Vec<_>>()), ("/step", steps.collect())] {
+        assert_eq!(topics[topic].len(), rows.len());
+        for ((at, message), (time, fields)) in topics[topic].iter().zip(rows) {
+            assert_eq!(*at, (1e9 * time).round() as u64);
+            let message = message.as_message().unwrap();
+            for field in fields {
+                let there = message.get_field_by_name(&field.name()).unwrap();
+                let has = message.has_field_by_name(&field.name());
+                let same = match field.value {
+                    fields::Value::Count(count) => count == has.then(|| there.as_u64().unwrap()),
+                    fields::Value::Number(number) => {
+                        number.map(f64::to_bits) == has.then(|| there.as_f64().unwrap().to_bits())
+                    }
+                    fields::Value::Events(events) => {
+                        let names = there.as_list().unwrap().iter().map(|name| name.as_str().unwrap());
+                        names.eq(events.names())
+                    }
+                };
+                assert!(same, "{} is {there} at {time} s; it was {}", field.name(), field.told());
+                empty += u32::from(field.text().is_empty());
+            }
+        }
+    }
+    assert!(empty > 30, "only {empty} fields were empty");
+    for (tick, ((at, device), (_, tool))) in ticks.zip(topics["/device"].iter().zip(&topics["/tool"])) {
+        for (message, state) in [(device, tick.device), (tool, tick.tool)] {
+            assert_eq!(get(message, "frame_id").as_str(), Some("world"));
+            assert_eq!(get(message, "timestamp.nanos").as_i32(), Some((at % 1_000_000_000) as i32));
+            let number = |name: String| get(message, &name).as_f64().unwrap();
+            let position = ["x", "y", "z"].map(|k| number(format!("pose.position.{k}")));
+            let orientation = ["x", "y", "z", "w"].map(|k| number(format!("pose.orientation.{k}")));
+            assert_eq!(DVec3::from(position), state.position);
+            assert_eq!(DQuat::from_array(orientation), state.orientation);
+        }
+    }
+
+    let [(first, none), (second, two)] = &topics["/contacts"][..] else { panic!() };
+    assert_eq!((*first, *second), (250_000_000, 500_000_000));
+    assert_eq!(get(none, "data").as_bytes().map(|data| data.len()), Some(0));
+    let (data, stride) = (get(two, "data"), get(two, "point_stride").as_u32().unwrap() as usize);
+    let data = data.as_bytes().unwrap();
+    assert_eq!(data.len(), 2 * stride);
+    let field = |point: usize, name: &str| {
+        let fields = get(two, "fields");
+        let mut fields = fields.as_list().unwrap().iter();
+        let field = fields.find(|field| get(field, "name").as_str() == Some(name)).unwrap();
+        let at = point * stride + get(field, "offset").as_u32().unwrap() as usize;
+        match get(field, "type").as_enum_number() {
+            Some(8) => f64::from_le_bytes(data[at..at + 8].try_into().unwrap()),
+            Some(5) => u32::from_le_bytes(data[at..at + 4].try_into().unwrap()).into(),
+            other => panic!("{name} has the type {other:?}"),
+        }
+    };
+    let expected = [
+        ("x", 2.0),
+        ("y", 0.1),
+        ("z", -0.2),
+        ("normal_z", 1.0),
+        ("force_x", 2e-6 * 200.0),
+        ("force_y", 0.0),
+        ("force_z", 2e-6 * 1e3),
+        ("force", 2e-6 * 200f64.hypot(1e3)),
+        ("depth", 2e-3),
+        ("area", 2e-6),
+        ("pressure", 1e3),
+        ("body", 1.0),
+        ("vertex", 9.0),
+        ("touched_body", 0.0),
+    ];
+    for (name, value) in expected {
+        assert!((field(1, name) - value).abs() <= 1e-15 * value.abs(), "{name} is {}, not {value}", field(1, name));
+    }
+    let [(at, flags)] = &topics["/flags"][..] else { panic!() };
+    assert_eq!((*at, get(flags, "message").as_str()), (500_000_000, Some("contact_overflow frozen")));
+
+    let bytes = std::fs::read(&path).unwrap();
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    assert_eq!(summary.stats.unwrap().message_count as usize, topics.values().map(Vec::len).sum::<usize>());
+    let described: Vec<_> = summary.metadata_indexes.iter().map(|index| &*index.name).collect();
+    assert_eq!(described, ["session", "loop"]);
+    let session = mcap::read::metadata(&bytes, &summary.metadata_indexes[0]).unwrap();
+    assert_eq!((&*session.metadata["profile"], session.metadata["scene_sha256"].len()), ("premium", 64));
+}
+
+fn step_of(entry: &Entry) -> Option<&Step> {
+    if let Entry::Step(step) = entry { Some(step) } else { None }
 }

@@ -43,6 +43,7 @@ from .simulation import (
     Work,
 )
 from .sweep import Sweep, sweep
+from .usd import UsdStage
 
 __all__ = [
     "Contacts",
@@ -74,6 +75,7 @@ __all__ = [
     "StepReport",
     "Sweep",
     "Trace",
+    "UsdStage",
     "VulkanError",
     "Work",
     "__version__",
