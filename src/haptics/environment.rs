@@ -15,6 +15,12 @@ pub trait Environment {
     /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench
     /// at the end of the step.
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench>;
+
+    /// Called after each step when the loop has its wrench: what takes time, but the wrench need not wait for, is done
+    /// here.
+    fn after(&mut self) -> Result<()> {
+        Ok(())
+    }
 }
 
 impl Environment for Simulation {

@@ -215,6 +215,7 @@ fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force
         let begun = Instant::now();
         steps.push((input, environment.feel(&input, h)?));
         times.push(begun.elapsed().as_secs_f64());
+        environment.after()?;
     }
     times.remove(0);
     times.sort_unstable_by(f64::total_cmp);
@@ -279,6 +280,7 @@ impl Session {
             let h = pace.length();
             let wrench = environment.feel(&input, h)?;
             self.thread.give(wrench);
+            environment.after()?;
             simulated += h;
             self.report.steps += 1;
             self.compare(&wrench);

@@ -14,7 +14,7 @@ use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
-use palpate_devices::record::{Found, Header, Recording};
+use palpate_devices::record::{Header, Outcome, Recording};
 use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
 use palpate_page::Reduced;
 
@@ -88,18 +88,24 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     })
 }
 
-/// The environment (source of contact wrenches) of the haptic loop: the engine. `watch` is called with the report of
-/// every step, and with the simulation after it.
+/// The environment (source of contact wrenches) of the haptic loop: the engine. After every step, when the loop has its
+/// wrench, `watch` is called with its report and with the simulation.
 struct Watched<'a> {
     engine: &'a mut Engine,
+    report: Option<StepReport>,
     watch: &'a mut dyn FnMut(&StepReport, &mut Simulation) -> Result<()>,
 }
 
 impl Environment for Watched<'_> {
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let (row, wrench) = self.engine.step_device_input(input, h)?;
-        (self.watch)(&row, self.engine.simulation_mut())?;
+        self.report = Some(row);
         Ok(wrench)
+    }
+
+    fn after(&mut self) -> Result<()> {
+        let report = self.report.take();
+        report.map_or(Ok(()), |report| (self.watch)(&report, self.engine.simulation_mut()))
     }
 }
 
@@ -140,11 +146,12 @@ pub fn hold(
     let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
     let device = device(scene, start)?;
     let mut recording = record.map(|path| recording(path, engine, scene, device.profile())).transpose()?;
-    // What steps found that are not recorded yet: steps are recorded after they are done, the first ones together.
-    let found = recording.as_ref().filter(|recording| recording.has_found()).map(|_| RefCell::new(VecDeque::new()));
+    // Outcomes of the steps that are not recorded yet: the session tells of steps later, of the first ones together.
+    let takes_outcomes = recording.as_ref().is_some_and(Recording::takes_outcomes);
+    let outcomes = RefCell::new(VecDeque::new());
     let mut watch = |row: &StepReport, simulation: &mut Simulation| {
-        if let Some(found) = &found {
-            found.borrow_mut().push_back(Found { contacts: simulation.contacts()?, flags: row.flags });
+        if takes_outcomes {
+            outcomes.borrow_mut().push_back(Outcome { contacts: simulation.contacts()?, flags: row.flags });
         }
         watch(row, simulation)
     };
@@ -164,11 +171,11 @@ pub fn hold(
         (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool),
         (Some(recording), Moment::Step(input, h, wrench)) => {
             recording.step(input, h, wrench)?;
-            let found = found.as_ref().and_then(|found| found.borrow_mut().pop_front());
-            found.map_or(Ok(()), |found| recording.found(input, &found))
+            let outcome = outcomes.borrow_mut().pop_front();
+            outcome.map_or(Ok(()), |outcome| recording.outcome(input, &outcome))
         }
     };
-    let mut environment = Watched { engine, watch: &mut watch };
+    let mut environment = Watched { engine, report: None, watch: &mut watch };
     let report = session::hold(device, &tool, &scene.haptics, &mut environment, &options, write)?;
     recording.map_or(Ok(()), |recording| recording.finish().map(drop))?;
     Ok(report)

@@ -39,9 +39,10 @@ fn scene(folder: &Path, more: &str) -> PathBuf {
     file
 }
 
-/// Runs and records a session of 1.5 s with the scene and the lines `more`; returns `haptics` of `summary.json`.
-fn hold(folder: &Path, more: &str) -> Value {
-    let (scene, out, record) = (scene(folder, more), folder.join("out"), folder.join("session.palpate"));
+/// Runs a session of 1.5 s with the scene and the lines `more`, and records it into the file `record`; returns `haptics`
+/// of `summary.json`.
+fn hold(folder: &Path, more: &str, record: &str) -> Value {
+    let (scene, out, record) = (scene(folder, more), folder.join("out"), folder.join(record));
     let [scene, out_name, record] = [&scene, &out, &record].map(|path| path.to_str().unwrap());
     let arguments = ["run", scene, "--seconds", "1.5", "--out", out_name, "--record", record];
     let (status, _, stderr) = palpate(&arguments);
@@ -54,7 +55,7 @@ fn hold(folder: &Path, more: &str) -> Value {
 #[test]
 fn a_session_is_held_recorded_and_replayed() {
     let folder = tempfile::tempdir().unwrap();
-    let report = hold(folder.path(), "[haptics]\ndevice = \"hand\"\nprofile = \"touch\"\n");
+    let report = hold(folder.path(), "[haptics]\ndevice = \"hand\"\nprofile = \"touch\"\n", "session.palpate");
     let record = folder.path().join("session.palpate");
     let (status, text, stderr) = palpate(&["replay", record.to_str().unwrap()]);
     let (ticks, steps) = (report["ticks"].as_u64().unwrap(), report["steps"].as_u64().unwrap());
@@ -76,13 +77,33 @@ fn a_session_is_held_recorded_and_replayed() {
 }
 
 #[test]
+fn a_log_has_every_tick_and_the_contacts_of_every_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = hold(folder.path(), "[haptics]\ndevice = \"scripted\"\n", "session.mcap");
+    let bytes = fs::read(folder.path().join("session.mcap")).unwrap();
+    let messages: Vec<_> = mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap()).collect();
+    let of = |topic| messages.iter().filter(move |message| message.channel.topic == topic);
+    assert_eq!(of("/tick").count() as u64, report["ticks"].as_u64().unwrap());
+    assert_eq!(of("/tool").count(), of("/tick").count());
+    let times = |topic| of(topic).map(|message| message.log_time).collect::<Vec<_>>();
+    let steps = times("/step");
+    // The log also has the steps before the first tick.
+    assert!(steps.len() as u64 > report["steps"].as_u64().unwrap() && steps.is_sorted());
+    assert_eq!(times("/contacts"), steps);
+    // The tool comes down after 0.3 s: the first clouds have no point, the last ones have many.
+    let sizes: Vec<usize> = of("/contacts").map(|message| message.data.len()).collect();
+    assert!(sizes[0] == sizes[5] && sizes[sizes.len() - 1] > sizes[0] + 116, "sizes of messages: {sizes:?}");
+}
+
+#[test]
 fn a_scene_lowers_limits_and_is_told_where_it_would_raise_them() {
     let folder = tempfile::tempdir().unwrap();
     let haptics = |more: &str| format!("[haptics]\ndevice = \"hand\"\nprofile = \"touch\"\n{more}");
-    let low = hold(folder.path(), &haptics("max_force = 0.03\n"));
+    let low = hold(folder.path(), &haptics("max_force = 0.03\n"), "session.palpate");
     let peak = low["peak_force_n"].as_f64().unwrap();
     assert!(peak > 0.0 && peak <= 0.03, "summary: {low}");
-    let high = hold(folder.path(), &haptics("max_force = 300.0\nmax_torque = 5.0\nworkspace = 9.0\n"));
+    let high =
+        hold(folder.path(), &haptics("max_force = 300.0\nmax_torque = 5.0\nworkspace = 9.0\n"), "session.palpate");
     assert!(high["peak_force_n"].as_f64().unwrap() <= 3.3, "summary: {high}");
     let notes = high["notes"].to_string();
     for key in ["haptics.max_force", "haptics.max_torque", "haptics.workspace"] {

@@ -17,7 +17,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-pub use log::{Found, Log};
+pub use log::{Log, Outcome};
 use palpate::internal::files;
 use palpate::internal::haptics::servo::{Settings, Tick};
 use palpate::internal::step::tool::Tool;
@@ -128,8 +128,8 @@ pub enum Entry {
     End(Totals),
 }
 
-/// A recording being written. If it is dropped before [`Recording::finish`], only [`Entry::End`] is missing in the
-/// file.
+/// A recording being written. If it is dropped before [`Recording::finish`], all that was recorded is in the file; of one
+/// that can be replayed, only [`Entry::End`] is missing.
 pub struct Recording {
     file: PathBuf,
     sink: Sink,
@@ -164,8 +164,8 @@ impl Recording {
         Ok(Recording { file: path.into(), sink, totals: Totals::default(), next: 0 })
     }
 
-    /// Whether the file holds what each step found, which [`Recording::found`] records. Only an MCAP log does.
-    pub fn has_found(&self) -> bool {
+    /// Whether the file has room for what [`Recording::outcome`] records. Only an MCAP log does.
+    pub fn takes_outcomes(&self) -> bool {
         matches!(self.sink, Sink::Mcap(_))
     }
 
@@ -188,10 +188,10 @@ impl Recording {
         self.put(Entry::Step(Box::new(Step { input: *input, h, wrench: *wrench })))
     }
 
-    /// Records what a step found whose inputs were `input`; does nothing unless [`Recording::has_found`].
-    pub fn found(&mut self, input: &DeviceInput, found: &Found) -> Result<()> {
+    /// Records the outcome of the step with the inputs `input`; does nothing unless [`Recording::takes_outcomes`].
+    pub fn outcome(&mut self, input: &DeviceInput, outcome: &Outcome) -> Result<()> {
         match &mut self.sink {
-            Sink::Mcap(log) => log.found(input.time, found),
+            Sink::Mcap(log) => log.outcome(input.time, outcome),
             Sink::Binary(_) | Sink::Csv(_) => Ok(()),
         }
         .map_err(|source| Error::Output { file: self.file.clone(), source })

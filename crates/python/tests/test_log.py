@@ -59,7 +59,8 @@ def test_the_log_has_every_tick_and_the_contacts_of_every_step(tmp_path: Path) -
     steps = [step for _, step in topics["/step"]]
     assert len(steps) == len(topics["/contacts"]) > 10
     greatest = max(abs(step.force_y) for step in steps)
-    for step, (_, cloud) in zip(steps, topics["/contacts"], strict=True):
+    for (at_step, step), (at, cloud) in zip(topics["/step"], topics["/contacts"], strict=True):
+        assert at == at_step == round(1e9 * step.held_time_s)
         names, offsets = [field.name for field in cloud.fields], [field.offset for field in cloud.fields]
         formats = [KINDS[field.type] for field in cloud.fields]
         kind = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": cloud.point_stride})

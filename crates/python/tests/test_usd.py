@@ -99,11 +99,19 @@ def test_mistakes_are_told(tmp_path: Path) -> None:
         UsdStage("a.obj", simulation)
     with pytest.raises(InputError, match="fps is 0.0; give a number above 0"):
         UsdStage("a.usd", simulation, fps=0.0)
-    stage = UsdStage(tmp_path / "none" / "a.usd", simulation)
+    with pytest.raises(InputError, match="its folder does not exist"):
+        UsdStage(tmp_path / "none" / "a.usd", simulation)
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    stage = UsdStage(folder / "a.USD", simulation)
     stage.add()
     with pytest.raises(InputError, match="has a frame at 0.0 s or later"):
         stage.add()
-    with pytest.raises(OutputError, match="cannot be written: .*; choose another place"):
+    folder.rmdir()
+    with pytest.raises(OutputError, match="cannot be written: .*; make room and close again"):
         stage.close()
+    folder.mkdir()
+    stage.close()
+    assert [path.name for path in folder.iterdir()] == ["a.USD"]
     with pytest.raises(InputError, match="is closed"):
         stage.add()

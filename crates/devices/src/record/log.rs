@@ -21,7 +21,7 @@ use prost_reflect::{DescriptorPool, DynamicMessage, MessageDescriptor};
 use super::fields::{self, Field, Value};
 use super::{Begin, Header, Step};
 
-/// Messages are written out in chunks of this many bytes; a program that is killed loses its last chunk.
+/// Messages are written out in chunks of at least this many bytes; a program that is killed loses its last chunk.
 const CHUNK: u64 = 1 << 16;
 /// The frame of all positions.
 const WORLD: &str = "world";
@@ -32,16 +32,16 @@ const NUMBERS: [&str; 13] = [
 ];
 const INDICES: [&str; 3] = ["body", "vertex", "touched_body"];
 
-/// What a step found, beside the wrench on the tool.
+/// Results of a step beside the wrench on the tool.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct Outcome {
     /// The contacts at the end of the step.
     pub contacts: Vec<ContactPoint>,
     /// What went wrong in the step.
     pub flags: Flags,
 }
 
-/// A log being written.
+/// A log being written. If it is dropped before [`Log::finish`], it is finished all the same.
 pub struct Log<W: Write + Seek> {
     writer: mcap::Writer<W>,
     ticks: Option<Rows>,
@@ -117,17 +117,17 @@ impl<W: Write + Seek> Log<W> {
         put_row(&mut self.writer, &mut self.steps, "Step", nanoseconds(step.input.time), &fields::of_step(step))
     }
 
-    /// Writes what a step found whose inputs were taken at `time`, s.
-    pub fn found(&mut self, time: f64, found: &Found) -> Result<()> {
+    /// Writes the outcome of a step whose inputs were taken at `time`, s.
+    pub fn outcome(&mut self, time: f64, outcome: &Outcome) -> Result<()> {
         let at = nanoseconds(time);
-        put(&mut self.writer, &mut self.contacts, &mut self.message, at, &cloud(at, &found.contacts))?;
-        if found.flags == Flags::default() {
+        put(&mut self.writer, &mut self.contacts, &mut self.message, at, &cloud(at, &outcome.contacts))?;
+        if outcome.flags == Flags::default() {
             return Ok(());
         }
         let flags = messages::Log {
             timestamp: Some(timestamp(at)),
             level: messages::log::Level::Warning.into(),
-            message: found.flags.names().collect::<Vec<_>>().join(" "),
+            message: outcome.flags.names().collect::<Vec<_>>().join(" "),
             name: "palpate".into(),
             file: String::new(),
             line: 0,

@@ -347,7 +347,7 @@ fn a_name_that_ends_in_mcap_gives_a_log_of_every_tick_step_and_contact() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.mcap");
     let mut recording = Recording::create(&path, &header()).unwrap();
-    assert!(recording.has_found());
+    assert!(recording.takes_outcomes());
     let all = entries();
     write_all(&mut recording, &all);
     let contact = |k: f64| ContactPoint {
@@ -362,8 +362,8 @@ fn a_name_that_ends_in_mcap_gives_a_log_of_every_tick_step_and_contact() {
     };
     let input = |time| DeviceInput { time, ..all.iter().find_map(step_of).unwrap().input };
     let flags = Flags::FROZEN | Flags::CONTACT_OVERFLOW;
-    recording.found(&input(0.25), &Found { contacts: Vec::new(), flags: Flags::default() }).unwrap();
-    recording.found(&input(0.5), &Found { contacts: vec![contact(1.0), contact(2.0)], flags }).unwrap();
+    recording.outcome(&input(0.25), &Outcome { contacts: Vec::new(), flags: Flags::default() }).unwrap();
+    recording.outcome(&input(0.5), &Outcome { contacts: vec![contact(1.0), contact(2.0)], flags }).unwrap();
     recording.finish().unwrap();
 
     let topics = messages(&path);
@@ -398,10 +398,12 @@ fn a_name_that_ends_in_mcap_gives_a_log_of_every_tick_step_and_contact() {
         }
     }
     assert!(empty > 30, "only {empty} fields were empty");
+    assert_eq!([topics["/device"].len(), topics["/tool"].len()], [TICKS as usize; 2]);
     for (tick, ((at, device), (_, tool))) in ticks.zip(topics["/device"].iter().zip(&topics["/tool"])) {
         for (message, state) in [(device, tick.device), (tool, tick.tool)] {
             assert_eq!(get(message, "frame_id").as_str(), Some("world"));
-            assert_eq!(get(message, "timestamp.nanos").as_i32(), Some((at % 1_000_000_000) as i32));
+            let of_stamp = get(message, "timestamp.seconds").as_i64().unwrap() * 1_000_000_000;
+            assert_eq!(of_stamp + i64::from(get(message, "timestamp.nanos").as_i32().unwrap()), *at as i64);
             let number = |name: String| get(message, &name).as_f64().unwrap();
             let position = ["x", "y", "z"].map(|k| number(format!("pose.position.{k}")));
             let orientation = ["x", "y", "z", "w"].map(|k| number(format!("pose.orientation.{k}")));
@@ -456,6 +458,13 @@ fn a_name_that_ends_in_mcap_gives_a_log_of_every_tick_step_and_contact() {
     assert_eq!(described, ["session", "loop"]);
     let session = mcap::read::metadata(&bytes, &summary.metadata_indexes[0]).unwrap();
     assert_eq!((&*session.metadata["profile"], session.metadata["scene_sha256"].len()), ("premium", 64));
+
+    // Of a log that was cut short, the messages of all whole chunks can be recovered.
+    let cut = &bytes[..bytes.len() / 2];
+    let options = mcap::read::Options::IgnoreEndMagic;
+    let whole =
+        mcap::MessageStream::new_with_options(cut, options.into()).unwrap().take_while(|message| message.is_ok());
+    assert!(whole.count() > TICKS as usize / 2);
 }
 
 fn step_of(entry: &Entry) -> Option<&Step> {

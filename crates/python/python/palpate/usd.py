@@ -17,8 +17,8 @@ from .simulation import Simulation
 class UsdStage:
     """A USD stage that is being filled: the skins of all bodies and of the tool as meshes whose points move.
 
-    Needs the package usd-core. Lengths are in metres and points in world axes; what is up is opposite to gravity. The
-    meshes are ``/World/NAME``; characters of a name that USD does not allow become ``_``. A time code is a frame:
+    Needs the package usd-core. Lengths are in metres and points in world axes; up is z if gravity is mainly along z, else
+    y. The meshes are ``/World/NAME``; characters of a name that USD does not allow become ``_``. A time code is a frame:
     simulated time times ``fps``. All frames are kept in memory until :meth:`close` writes the file, which then is
     complete; in a ``with`` statement it is called at the end, also after an exception.
 
@@ -33,8 +33,10 @@ class UsdStage:
 
     def __init__(self, file: str | os.PathLike[str], simulation: Simulation, *, fps: float = 25.0) -> None:
         self._file = Path(file)
-        if self._file.suffix not in (".usd", ".usda", ".usdc"):
+        if self._file.suffix.lower() not in (".usd", ".usda", ".usdc"):
             raise InputError(f"{file}: is not a name of a USD file; let it end in .usdc, .usd or .usda")
+        if not self._file.parent.is_dir():
+            raise InputError(f"{file}: its folder does not exist; make it, or give another")
         if not 0.0 < fps < float("inf"):
             raise InputError(f"fps is {fps}; give a number above 0")
         try:
@@ -57,9 +59,10 @@ class UsdStage:
         if self._stage is None:
             raise InputError(f"{self._file}: is closed; make another UsdStage")
         code = self._simulation.time * self._fps
-        if self._before and code <= self._stage.GetEndTimeCode():
+        has_frames = self._stage.HasAuthoredTimeCodeRange()
+        if has_frames and code <= self._stage.GetEndTimeCode():
             raise InputError(f"{self._file}: has a frame at {self._simulation.time} s or later; add frames as time goes on")
-        if not self._before:
+        if not has_frames:
             self._stage.SetStartTimeCode(code)
         for index, mesh in self._meshes.items():
             points = self._simulation.skin(index).positions
@@ -73,22 +76,22 @@ class UsdStage:
         self._stage.SetEndTimeCode(code)
 
     def close(self) -> None:
-        """Write the file; a second call does nothing.
+        """Write the file; once it is written, a further call does nothing.
 
         Raises:
-            OutputError: The file cannot be written.
+            OutputError: The file cannot be written. The frames are kept, and it may be tried again.
         """
-        stage, self._stage = self._stage, None
-        if stage is None:
+        if self._stage is None:
             return
         try:
             with tempfile.TemporaryDirectory(prefix=".palpate-", dir=self._file.parent) as folder:
                 unfinished = os.path.join(folder, self._file.name)
-                stage.Export(unfinished)
+                self._stage.Export(unfinished)
                 os.replace(unfinished, self._file)
         except (OSError, self._pxr.Tf.ErrorException) as error:
             problem = " ".join(str(error).split())
-            raise OutputError(f"{self._file}: cannot be written: {problem}; choose another place") from None
+            raise OutputError(f"{self._file}: cannot be written: {problem}; make room and close again") from error
+        self._stage = None
 
     def __enter__(self) -> "UsdStage":
         return self
