@@ -90,9 +90,10 @@ fn a_log_has_every_tick_and_the_contacts_of_every_step() {
     // The log also has the steps before the first tick.
     assert!(steps.len() as u64 > report["steps"].as_u64().unwrap() && steps.is_sorted());
     assert_eq!(times("/contacts"), steps);
-    // The tool comes down after 0.3 s: the first clouds have no point, the last ones have many.
+    // The tool comes down after 0.3 s: the first cloud has no point, the last one has several of 116 bytes.
     let sizes: Vec<usize> = of("/contacts").map(|message| message.data.len()).collect();
-    assert!(sizes[0] == sizes[5] && sizes[sizes.len() - 1] > sizes[0] + 116, "sizes of messages: {sizes:?}");
+    let (first, last) = (sizes[0], sizes[sizes.len() - 1]);
+    assert!(first < 350 && last > first + 2 * 116, "the first cloud has {first} bytes, the last {last}");
 }
 
 #[test]
