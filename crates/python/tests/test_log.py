@@ -9,35 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-SCENE = """
-[[body]]
-name = "block"
-layer = { box = [[-0.03, -0.03, -0.03], [0.03, 0.0, 0.03]], cells = [8, 4, 8] }
-material = { young = 2e4, poisson = 0.45, density = 1000.0 }
-
-[[body.core]]
-name = "table"
-bind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.029, 1.0]] }
-
-[tool]
-sphere = 0.01
-mass = 0.05
-position = [0.0, 0.011, 0.0]
-
-[coupling]
-stiffness = 1000.0
-damping = 10.0
-
-[drive]
-keys = [[0.0, 0.0, 0.011, 0.0], [0.5, 0.0, 0.004, 0.0]]
-"""
 KINDS = {5: "<u4", 8: "<f8"}
 
 
-def test_the_log_has_every_tick_and_the_contacts_of_every_step(tmp_path: Path) -> None:
+def test_the_log_has_every_tick_and_the_contacts_of_every_step(tmp_path: Path, scene: str) -> None:
     reader: Any = pytest.importorskip("mcap.reader")
     decoder: Any = pytest.importorskip("mcap_protobuf.decoder")
-    (tmp_path / "scene.toml").write_text(SCENE)
+    (tmp_path / "scene.toml").write_text(scene)
     words = ["run", "scene.toml", "--haptics", "scripted", "--seconds", "1", "--record", "log.mcap", "--out", "out"]
     done = subprocess.run([sys.executable, "-m", "palpate", *words], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -9,39 +9,14 @@ import numpy as np
 import pytest
 from palpate import Scene, Simulation
 
-SCENE = """
-[step]
-dt = 0.002
-
-[[body]]
-name = "block"
-layer = { box = [[-0.03, -0.03, -0.03], [0.03, 0.0, 0.03]], cells = [8, 4, 8] }
-material = { young = 2e4, poisson = 0.45, density = 1000.0 }
-
-[[body.core]]
-name = "table"
-bind = { box = [[-1.0, -1.0, -1.0], [1.0, -0.029, 1.0]] }
-
-[tool]
-sphere = 0.01
-mass = 0.05
-position = [0.0, 0.011, 0.0]
-
-[coupling]
-stiffness = 1000.0
-damping = 10.0
-
-[drive]
-keys = [[0.0, 0.0, 0.011, 0.0], [0.05, 0.0, 0.004, 0.0]]
-"""
 STEPS = 25
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, scene: str) -> Path:
     """A folder with a scene and two series of it, compressed and not."""
     folder = tmp_path_factory.mktemp("series")
-    (folder / "scene.toml").write_text(SCENE)
+    (folder / "scene.toml").write_text(scene)
     for name, level in (("series", "1"), ("plain", "0")):
         words = ["run", "scene.toml", "--steps", str(STEPS), "--every", "5", "--export", name, "--compression", level]
         done = subprocess.run([sys.executable, "-m", "palpate", *words], cwd=folder, capture_output=True, text=True)

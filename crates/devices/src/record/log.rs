@@ -50,7 +50,6 @@ pub struct Log<W: Write + Seek> {
     tool: Channel,
     contacts: Channel,
     flags: Channel,
-    message: Vec<u8>,
 }
 
 struct Channel {
@@ -76,11 +75,9 @@ impl<W: Write + Seek> Log<W> {
         let tool = add::<PoseInFrame, W>(&mut writer, "/tool")?;
         let contacts = add::<PointCloud, W>(&mut writer, "/contacts")?;
         let flags = add::<messages::Log, W>(&mut writer, "/flags")?;
-        let message = Vec::new();
-        let mut log = Log { writer, ticks: None, steps: None, device, tool, contacts, flags, message };
+        let mut log = Log { writer, ticks: None, steps: None, device, tool, contacts, flags };
         let Header { program, scene, scene_digest, device, driver, depth, profile, haptic_device } = header;
         let digest: String = scene_digest.iter().map(|byte| format!("{byte:02x}")).collect();
-        let none = String::new();
         log.describe(
             "session",
             [
@@ -89,7 +86,7 @@ impl<W: Write + Seek> Log<W> {
                 ("scene_sha256", &digest),
                 ("device", device),
                 ("driver", driver),
-                ("depth", depth.as_ref().unwrap_or(&none)),
+                ("depth", depth.as_deref().unwrap_or_default()),
                 ("profile", profile),
                 ("haptic_device", haptic_device),
             ],
@@ -108,8 +105,8 @@ impl<W: Write + Seek> Log<W> {
     pub fn tick(&mut self, tick: &Tick) -> Result<()> {
         let at = nanoseconds(tick.time);
         put_row(&mut self.writer, &mut self.ticks, "Tick", at, &fields::of_tick(tick))?;
-        put(&mut self.writer, &mut self.device, &mut self.message, at, &pose(at, &tick.device))?;
-        put(&mut self.writer, &mut self.tool, &mut self.message, at, &pose(at, &tick.tool))
+        put(&mut self.writer, &mut self.device, at, &pose(at, &tick.device))?;
+        put(&mut self.writer, &mut self.tool, at, &pose(at, &tick.tool))
     }
 
     /// Writes a step, at the time at which its inputs were taken.
@@ -120,7 +117,7 @@ impl<W: Write + Seek> Log<W> {
     /// Writes the outcome of a step whose inputs were taken at `time`, s.
     pub fn outcome(&mut self, time: f64, outcome: &Outcome) -> Result<()> {
         let at = nanoseconds(time);
-        put(&mut self.writer, &mut self.contacts, &mut self.message, at, &cloud(at, &outcome.contacts))?;
+        put(&mut self.writer, &mut self.contacts, at, &cloud(at, &outcome.contacts))?;
         if outcome.flags == Flags::default() {
             return Ok(());
         }
@@ -132,7 +129,7 @@ impl<W: Write + Seek> Log<W> {
             file: String::new(),
             line: 0,
         };
-        put(&mut self.writer, &mut self.flags, &mut self.message, at, &flags)
+        put(&mut self.writer, &mut self.flags, at, &flags)
     }
 
     /// Writes the end of the log, with its index.
@@ -142,8 +139,8 @@ impl<W: Write + Seek> Log<W> {
     }
 
     /// Writes a record of names and values that describes the session.
-    fn describe<const N: usize>(&mut self, name: &str, values: [(&str, &String); N]) -> Result<()> {
-        let metadata = values.into_iter().map(|(name, value)| (name.into(), value.clone())).collect();
+    fn describe<const N: usize>(&mut self, name: &str, values: [(&str, &str); N]) -> Result<()> {
+        let metadata = values.into_iter().map(|(name, value)| (name.into(), value.into())).collect();
         self.writer.write_metadata(&Metadata { name: name.into(), metadata }).map_err(failed)
     }
 }
@@ -167,17 +164,16 @@ fn channel<W: Write + Seek>(writer: &mut mcap::Writer<W>, topic: &str, name: &st
     Ok(Channel { id, sequence: 0 })
 }
 
-/// Writes a message of Foxglove; `bytes` is where it is encoded.
+/// Writes a message of a type of Foxglove.
 fn put<M: Encode, W: Write + Seek>(
     writer: &mut mcap::Writer<W>,
     channel: &mut Channel,
-    bytes: &mut Vec<u8>,
     at: u64,
     message: &M,
 ) -> Result<()> {
-    bytes.clear();
-    message.encode(bytes).map_err(|error| Error::other(error.to_string()))?;
-    channel.write(writer, at, bytes)
+    let mut bytes = Vec::new();
+    message.encode(&mut bytes).map_err(|error| Error::other(error.to_string()))?;
+    channel.write(writer, at, &bytes)
 }
 
 /// Writes fields as a message; the first message of a channel `rows` makes the channel, its schema of the type `name`.

@@ -41,7 +41,7 @@ class UsdStage:
             raise InputError(f"fps is {fps}; give a number above 0")
         try:
             self._pxr: Any = importlib.import_module("pxr")
-            for module in ("Sdf", "Tf", "Usd", "UsdGeom", "Vt"):
+            for module in ("Tf", "Usd", "UsdGeom", "Vt"):
                 importlib.import_module(f"pxr.{module}")
         except ImportError:
             raise InputError(f"{file}: needs the package usd-core; install it: pip install usd-core") from None
