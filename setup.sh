@@ -5,6 +5,7 @@
 #                       minutes
 #   ./setup.sh --tests  and to run the tests: the validation layers, what the tests of the C interface compile and look
 #                       with, and a display without a screen; two minutes more
+#   ./setup.sh --full   and to run all that `.ci/run full` runs: ParaView; 500 MB more
 # Silent when nothing is missing.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -13,6 +14,7 @@ packages=(build-essential pkg-config glslc libvulkan1 mesa-vulkan-drivers
     libx11-6 libx11-xcb1 libxcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon0 libxkbcommon-x11-0)
 tests=(clang valgrind cmake python3 python3-numpy python3-venv libvulkan-dev vulkan-validationlayers procps xvfb xdotool
     libegl1 libgl1-mesa-dri)
+full=(python3-paraview xauth)
 minutes="one to three minutes"
 case "${1-}" in
     "") ;;
@@ -20,7 +22,11 @@ case "${1-}" in
         packages+=("${tests[@]}")
         minutes="two to five minutes"
         ;;
-    *) echo "setup.sh: $1 is not known; give --tests, or nothing" >&2; exit 2 ;;
+    --full)
+        packages+=("${tests[@]}" "${full[@]}")
+        minutes="four to ten minutes"
+        ;;
+    *) echo "setup.sh: $1 is not known; give --tests or --full, or nothing" >&2; exit 2 ;;
 esac
 
 elsewhere() {

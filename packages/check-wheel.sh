@@ -1,7 +1,13 @@
 #!/usr/bin/env bash
-# Makes the wheel, installs it into a fresh environment, and runs the Python tests and the strict type check.
+# Makes the wheel, installs it into a fresh environment, and runs the Python tests and the strict type check. With the word
+# full it runs the tests with ParaView too, which `setup.sh --full` installs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+case "${1-}" in
+    "") tests=(-m "not paraview") ;;
+    full) tests=() ;;
+    *) echo "$0: $1 is not known; give full, or nothing" >&2; exit 2 ;;
+esac
 
 rm -rf target/wheels
 packages/wheel.sh target/wheels
@@ -11,4 +17,4 @@ python3 -m venv --clear "$environment"
     ipykernel matplotlib meshio pyvista usd-core mcap mcap-protobuf-support
 cd crates/python
 "$environment/bin/pyright" --pythonpath "$environment/bin/python"
-"$environment/bin/python" -m pytest --quiet tests
+"$environment/bin/python" -m pytest --quiet "${tests[@]}" tests

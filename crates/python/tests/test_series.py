@@ -1,5 +1,6 @@
 """Tests that other programs read what `palpate run --export` writes."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,9 @@ import pytest
 from palpate import Scene, Simulation
 
 STEPS = 25
+TIMES = [0.01 * k for k in range(6)]
+# The Python that Debian's package python3-paraview extends.
+PARAVIEW = "/usr/bin/python3"
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +32,7 @@ def last(folder: Path, series: str) -> Any:
     """The last grid of a series."""
     pyvista: Any = pytest.importorskip("pyvista")
     reader = pyvista.PVDReader(folder / f"{series}.pvd")
-    assert np.allclose(reader.time_values, [0.01 * k for k in range(6)])
+    assert np.allclose(reader.time_values, TIMES)
     reader.set_active_time_value(reader.time_values[-1])
     return reader.read()[0]
 
@@ -69,14 +73,8 @@ def test_meshio_reads_a_layer(folder: Path) -> None:
         np.testing.assert_array_equal(mesh.cell_data["von_mises_stress"][0], layer["von_mises_stress"])
 
 
-def test_a_picture_shows_the_stress_under_the_tool(folder: Path) -> None:
-    pyvista: Any = pytest.importorskip("pyvista")
-    layer = last(folder / "series", "block-layer")
-    plotter = pyvista.Plotter(off_screen=True, window_size=[300, 300])
-    plotter.set_background("white")
-    plotter.add_mesh(layer.clip("z"), scalars="von_mises_stress", cmap="gray", lighting=False, show_scalar_bar=False)
-    plotter.view_xy()
-    picture = np.asarray(plotter.screenshot(return_img=True))[:, :, 0]
+def assert_bright_under_the_tool(picture: Any) -> None:
+    """Asserts that a picture in gray, of half the block before white, is bright below the tool's place."""
     block = np.argwhere(picture < 255)
     (top, left), (bottom, right) = block.min(axis=0), block.max(axis=0)
     assert (right - left) > 1.5 * (bottom - top) > 50
@@ -85,3 +83,39 @@ def test_a_picture_shows_the_stress_under_the_tool(folder: Path) -> None:
     middle = picture[top + height // 3, left + width // 2]
     corner = picture[top + height // 3, left + width // 10]
     assert middle < 255 and middle > 1.5 * corner
+
+
+def test_a_picture_shows_the_stress_under_the_tool(folder: Path) -> None:
+    pyvista: Any = pytest.importorskip("pyvista")
+    layer = last(folder / "series", "block-layer")
+    plotter = pyvista.Plotter(off_screen=True, window_size=[300, 300])
+    plotter.set_background("white")
+    plotter.add_mesh(layer.clip("z"), scalars="von_mises_stress", cmap="gray", lighting=False, show_scalar_bar=False)
+    plotter.view_xy()
+    assert_bright_under_the_tool(np.asarray(plotter.screenshot(return_img=True))[:, :, 0])
+
+
+@pytest.mark.paraview
+@pytest.mark.parametrize("name", ["series", "plain"])
+def test_paraview_shows_what_pyvista_reads(folder: Path, name: str) -> None:
+    pyvista: Any = pytest.importorskip("pyvista")
+    script, picture = Path(__file__).with_name("paraview_series.py"), folder / f"{name}.png"
+    series = ["block-layer", "block-skin", "tool-skin", "contacts"]
+    words = ["xvfb-run", "-a", PARAVIEW, str(script), str(folder / name), str(picture), *series]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert list(found) == series
+    for each, shown in found.items():
+        np.testing.assert_allclose(shown["times"], TIMES, atol=1e-12)
+        grid = last(folder / name, each)
+        assert (shown["points"], shown["cells"]) == (grid.n_points, grid.n_cells)
+        for kind in ("point_data", "cell_data"):
+            arrays = getattr(grid, kind)
+            assert set(shown[kind]) == set(arrays.keys())
+            for array, ranges in shown[kind].items():
+                values = np.asarray(arrays[array]).reshape(len(arrays[array]), -1)
+                bounds = np.stack([values.min(axis=0), values.max(axis=0)], axis=1)
+                np.testing.assert_allclose(ranges, bounds, rtol=1e-6, err_msg=f"{each} {array}")
+    assert found["contacts"]["points"] > 0 and "von_mises_stress" in found["block-layer"]["cell_data"]
+    assert_bright_under_the_tool(np.asarray(pyvista.read(picture).active_scalars).reshape(300, 300, -1)[::-1, :, 0])
