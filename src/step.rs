@@ -47,7 +47,7 @@ use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};
 pub use crate::stages::{Explanation, Flags};
 use algorithm::Recordings;
-pub use contact_wrench::{ContactWrench, Gap};
+pub use contact_wrench::{ContactWrench, FARTHER, Gap};
 pub use contacts::{ContactPoint, VertexForce};
 pub use device_input::DeviceInput;
 use frames::Frames;

@@ -345,12 +345,13 @@ struct SkinPart {
     vec3 low, high;             // corners of the box around these chunks at rest, in the proxy's frame, m
 };
 
-// The shortest way from the tool to a SkinPart at the end of the step, for the host. It starts at the centre of a
-// spherical tool, and at the surface of any other tool.
+// The shortest way from the tool to a SkinPart at the end of the step, for the host; for a spherical tool one of these
+// for each sector of directions (see wrench/gap). It starts at the centre of a spherical tool, and at the surface of any
+// other tool.
 struct SkinGap {
-    vec3 way;                   // vector to the nearest triangle that faces the tool, world axes, m
+    vec3 way;                   // vector to the nearest triangle that faces the tool, or to its plane, world axes, m
     uint triangle;              // nearest triangle, of the skin or of the tool; NONE: no triangle is near
-    float back;                 // distance to the nearest triangle that faces away, m
+    float back;                 // distance to the part's nearest triangle that faces away, m
 };
 
 const float GAP_FAR = 3.0e38;       // distance where nothing was found, m

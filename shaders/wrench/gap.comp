@@ -9,19 +9,24 @@
 // that it may touch, at the end of the step. The kernel runs only for a haptic loop, which lets the user feel a wall at
 // the end of this way until the next step is done. Skin is placed by the new displacements and by the frames at the end
 // of the step. One workgroup runs for each part of skin, which is some chunks (groups of at most 64 skin vertices) of
-// one collision proxy (convex hull around part of a skin), and writes one SkinGap. The f64 reference is oracle::gap.
+// one collision proxy (convex hull around part of a skin), and writes SECTORS times a SkinGap. The f64 reference is
+// oracle::gap.
 //
-// For a spherical tool the way runs from the tool's centre to a triangle of the skin. For any other tool it is the
-// shortest way between a vertex of one of the two surfaces and a triangle of the other; vertices of both surfaces are
-// tested, as for contacts. For triangles that face away from the tool only the least distance is kept: where this
-// distance is less than the length of the way, the tool is within a body. Among equally long ways the one with the
-// lower index of its triangle counts; if their triangle is the same, the one with the lower index of its vertex.
+// For a spherical tool the way runs from the tool's centre to a triangle of the skin. Besides the shortest way, those to
+// the planes of triangles that face the tool are found, the shortest in each of 26 sectors of directions along the
+// world's axes, since a tool in a hollow may meet another place of the skin than the nearest one. A triangle faces the
+// tool where the way to it is nearly along its normal. Of triangles whose way is longer than the shortest of the part by
+// more than MARGIN, some are missed. For any other tool it is the shortest way between a vertex of one of the two
+// surfaces and a triangle of the other; vertices of both surfaces are tested, as for contacts. For triangles that face
+// away from the tool only the least distance is kept: where this distance is less than the length of the way, the tool
+// is within a body. Among equally long ways the one with the lower index of its triangle counts; if their triangle is
+// the same, the one with the lower index of its vertex.
 //
 // The chunks of a part are visited in the order of lower bounds of their distance, until no bound is below the length
-// of the shortest way found. A bound is the distance to the chunk's box at rest, moved by the middle of the range of
-// the displacements of the chunk's nodes, and grown by half that range times the greatest sum of absolute embedding
-// weights of a vertex. The positions of visited vertices are stored in `skin`, relative to the tool's centre along the
-// tool's axes. A frame is a rigid coordinate frame, a link the relative placement of two frames.
+// of the shortest way found plus MARGIN. A bound is the distance to the chunk's box at rest, moved by the middle of the
+// range of the displacements of the chunk's nodes, and grown by half that range times the greatest sum of absolute
+// embedding weights of a vertex. The positions of visited vertices are stored in `skin`, relative to the tool's centre
+// along the tool's axes. A frame is a rigid coordinate frame, a link the relative placement of two frames.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
@@ -34,6 +39,8 @@ layout(constant_id = 6) const float REACH = 0.0;        // length of the longest
 layout(constant_id = 7) const uint TOOL_FRAME = 0;
 layout(constant_id = 8) const uint TOOL_CHUNK_FIRST = 0;
 layout(constant_id = 9) const uint TOOL_CHUNKS = 0;
+layout(constant_id = 10) const uint SECTORS = 1;        // 27 for a sphere, 1 for others; one of them is for the shortest way
+layout(constant_id = 11) const float MARGIN = 0.0;      // m; 0 with one sector
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
@@ -79,6 +86,10 @@ shared vec3 middles[SHARE];
 shared vec3 spreads[SHARE];
 shared float partial[SIZE];
 shared Way ways[SIZE];
+
+// The tool's rotation at the end of the step, and the ways that this invocation found, one for each sector.
+vec4 tool_turn;
+Way fronts[SECTORS];
 
 float[6] change_of(uint rigid) { return iterates[solve.current * RIGIDS + rigid].x; }
 
@@ -228,14 +239,32 @@ bool is_shorter(Way a, Way b) {
     return a.triangle < b.triangle || (a.triangle == b.triangle && a.vertex < b.vertex);
 }
 
+// The sector for the shortest way, whatever its direction: no direction has all three components below a half.
+const uint SHORTEST = SECTORS / 2;
+// Square of the cosine of the angle between the way in another sector and its triangle's normal, at least.
+const float FACES2 = 0.9;
+
+// Index of the sector of a direction of length 1, along the world's axes: a digit to the base 3 for each component.
+uint sector_of(vec3 towards) {
+    uvec3 digits = uvec3(1) + uvec3(greaterThan(towards, vec3(0.5))) - uvec3(lessThan(towards, vec3(-0.5)));
+    return 9 * digits.x + 3 * digits.y + digits.z;
+}
+
 // Tests the way from the origin, where the tool's centre or a vertex is, to the triangle a b c. If the triangle faces
-// the origin, keeps the way in `front` if it is the shortest so far; if the triangle faces away, keeps the least
+// the origin, keeps the way in `fronts` if it is the shortest so far; if the triangle faces away, keeps the least
 // distance in `back`. `sign` is -1 where the origin is a vertex of the skin and the triangle is the tool's, else 1.
-void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, inout Way front, inout float back) {
+void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, inout float back) {
     vec3 n = cross(b - a, c - a), x = nearest_of_triangle(a, b, c, n);
     Way way = Way(sign * x, length(x), triangle, vertex);
     if (dot(a, n) <= 0.0) {
-        if (is_shorter(way, front)) front = way;
+        if (is_shorter(way, fronts[SHORTEST])) fronts[SHORTEST] = way;
+        float square = dot(n, n), height = dot(a, n);
+        if (SECTORS > 1 && square > 0.0 && way.size > 0.0 && height * height >= FACES2 * square * dot(x, x)) {
+            way.along = height / square * n;
+            way.size = length(way.along);
+            uint sector = sector_of(rotate(tool_turn, -inversesqrt(square) * n));
+            if (is_shorter(way, fronts[sector])) fronts[sector] = way;
+        }
     } else {
         back = min(back, way.size);
     }
@@ -248,26 +277,26 @@ uvec3 corners_at(uint i, out uint triangle) {
 }
 
 // Tests the way from a vertex of the tool to a triangle of the skin.
-void consider_vertex(uint i, uint end, vec3 a, vec3 b, vec3 c, uint triangle, inout Way front, inout float back) {
+void consider_vertex(uint i, uint end, vec3 a, vec3 b, vec3 c, uint triangle, inout float back) {
     if (i >= end) return;
     uint vertex = vertex_at(i);
     vec3 x = fetch(skin_weights, vertex).xyz;
-    consider(a - x, b - x, c - x, 1.0, triangle, vertex, front, back);
+    consider(a - x, b - x, c - x, 1.0, triangle, vertex, back);
 }
 
 // Tests the way from a triangle of the tool to a vertex of the skin.
-void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout Way front, inout float back) {
+void consider_triangle(uint i, uint end, vec3 x, uint vertex, inout float back) {
     if (i >= end) return;
     uint triangle;
     uvec3 v = corners_at(i, triangle);
     vec3 a = fetch(skin_weights, v.x).xyz - x, b = fetch(skin_weights, v.y).xyz - x;
     vec3 c = fetch(skin_weights, v.z).xyz - x;
-    consider(a, b, c, -1.0, triangle, vertex, front, back);
+    consider(a, b, c, -1.0, triangle, vertex, back);
 }
 
 // Tests the ways between a chunk of the skin and a chunk `other` of the tool. A round of a loop tests four vertices or
 // triangles of the tool, because Mesa's software renderer llvmpipe ends loops after 65,535 rounds.
-void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout float back) {
+void look_between(Chunk chunk, Chunk other, float limit, inout float back) {
     float radius = length(other.half_extent) + SLACK;
     uint end = other.vertex_first + other.vertex_count;
     for (uint k = gl_LocalInvocationID.x; k < chunk.triangle_count; k += SIZE) {
@@ -276,31 +305,31 @@ void look_between(Chunk chunk, Chunk other, float limit, inout Way front, inout 
         vec3 a = skin[v.x].xyz, b = skin[v.y].xyz, c = skin[v.z].xyz;
         vec3 n = cross(b - a, c - a);
         vec3 nearest = nearest_of_triangle(a - other.centre, b - other.centre, c - other.centre, n);
-        if (length(nearest) - radius > min(front.size, limit)) continue;
+        if (length(nearest) - radius > min(fronts[SHORTEST].size, limit)) continue;
         for (uint i = other.vertex_first; i < end; i += 4) {
-            consider_vertex(i, end, a, b, c, triangle, front, back);
-            consider_vertex(i + 1, end, a, b, c, triangle, front, back);
-            consider_vertex(i + 2, end, a, b, c, triangle, front, back);
-            consider_vertex(i + 3, end, a, b, c, triangle, front, back);
+            consider_vertex(i, end, a, b, c, triangle, back);
+            consider_vertex(i + 1, end, a, b, c, triangle, back);
+            consider_vertex(i + 2, end, a, b, c, triangle, back);
+            consider_vertex(i + 3, end, a, b, c, triangle, back);
         }
     }
     end = other.triangle_first + other.triangle_count;
     for (uint l = gl_LocalInvocationID.x; l < chunk.vertex_count; l += SIZE) {
         uint vertex = vertex_at(chunk.vertex_first + l);
         vec3 x = skin[vertex].xyz;
-        if (distance(x, other.centre) - radius > min(front.size, limit)) continue;
+        if (distance(x, other.centre) - radius > min(fronts[SHORTEST].size, limit)) continue;
         for (uint i = other.triangle_first; i < end; i += 4) {
-            consider_triangle(i, end, x, vertex, front, back);
-            consider_triangle(i + 1, end, x, vertex, front, back);
-            consider_triangle(i + 2, end, x, vertex, front, back);
-            consider_triangle(i + 3, end, x, vertex, front, back);
+            consider_triangle(i, end, x, vertex, back);
+            consider_triangle(i + 1, end, x, vertex, back);
+            consider_triangle(i + 2, end, x, vertex, back);
+            consider_triangle(i + 3, end, x, vertex, back);
         }
     }
 }
 
 // Tests the ways to a chunk. Ways longer than `limit` (m) are not wanted; where a shorter way is found, `limit` becomes
-// the length of the shortest one.
-void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, inout Way front, inout float back) {
+// the length of the shortest one plus MARGIN.
+void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, inout float back) {
     for (uint l = gl_LocalInvocationID.x; l < chunk.embed_count; l += SIZE) {
         uint vertex = vertex_at(chunk.vertex_first + l);
         skin[vertex] = vec4(position(place, tool, vertex), 1.0);
@@ -310,22 +339,23 @@ void look_at(Chunk chunk, uint k, Place place, Place tool, inout float limit, in
         for (uint t = gl_LocalInvocationID.x; t < chunk.triangle_count; t += SIZE) {
             uint triangle;
             uvec3 v = corners_at(chunk.triangle_first + t, triangle);
-            consider(skin[v.x].xyz, skin[v.y].xyz, skin[v.z].xyz, 1.0, triangle, 0, front, back);
+            consider(skin[v.x].xyz, skin[v.y].xyz, skin[v.z].xyz, 1.0, triangle, 0, back);
         }
-        limit = min(limit, workgroup_min(front.size));
+        limit = min(limit, workgroup_min(fronts[SHORTEST].size) + MARGIN);
         return;
     }
     for (uint other = 0; other < TOOL_CHUNKS; other++) {
         float apart = chunk_distance(chunk, middles[k], spreads[k], place, ball_centre(other, tool));
         if (apart - ball_radius(other) > limit) continue;
-        look_between(chunk, chunks[TOOL_CHUNK_FIRST + other], limit, front, back);
-        limit = min(limit, workgroup_min(front.size));
+        look_between(chunk, chunks[TOOL_CHUNK_FIRST + other], limit, back);
+        limit = min(limit, workgroup_min(fronts[SHORTEST].size) + MARGIN);
     }
 }
 
 // Shortest way found by all lanes; only lane 0 gets it.
 Way shortest(Way own) {
     uint lane = gl_LocalInvocationID.x;
+    barrier();
     ways[lane] = own;
     for (uint width = SIZE / 2; width > 0; width /= 2) {
         barrier();
@@ -340,7 +370,8 @@ void main() {
     Proxy proxy = proxies[part.proxy];
     Frame start = frames[proxy.frame];
     Place place = end_of(start), tool = tool_at_end();
-    Way front = Way(vec3(0.0), REACH, NONE, NONE);
+    tool_turn = tool.rotation;
+    for (uint s = 0; s < SECTORS; s++) fronts[s] = Way(vec3(0.0), REACH, NONE, NONE);
     float back = GAP_FAR;
     float limit = REACH;
 
@@ -349,6 +380,12 @@ void main() {
     vec3 at = rotate_back(place.rotation, tool.centre - place.centre) - 0.5 * (part.low + part.high);
     float apart = box_distance(at, 0.5 * (part.high - part.low)) - 1.001 * proxy.weight_bound * largest - SLACK;
     uint count = apart - (ROUND ? 0.0 : RADIUS) > REACH ? 0 : part.chunk_count;
+    if (count == 0) {
+        for (uint s = lane; s < SECTORS; s += SIZE) {
+            gaps[gl_WorkGroupID.x * SECTORS + s] = SkinGap(vec3(0.0), NONE, GAP_FAR);
+        }
+        return;
+    }
 
     for (uint k = lane; k < count; k += SIZE) {
         Chunk chunk = chunks[part.chunk_first + k];
@@ -372,9 +409,14 @@ void main() {
         barrier();
         if (!(least <= limit)) break;
         if (lane == 0) bounds[next] = GAP_FAR;
-        look_at(chunks[part.chunk_first + next], next, place, tool, limit, front, back);
+        look_at(chunks[part.chunk_first + next], next, place, tool, limit, back);
     }
-    front = shortest(front);
     back = workgroup_min(back);
-    if (lane == 0) gaps[gl_WorkGroupID.x] = SkinGap(rotate(tool.rotation, front.along), front.triangle, back);
+    for (uint s = 0; s < SECTORS; s++) {
+        Way front = shortest(fronts[s]);
+        if (lane == 0) {
+            vec3 along = rotate(tool.rotation, front.along);
+            gaps[gl_WorkGroupID.x * SECTORS + s] = SkinGap(along, front.triangle, back);
+        }
+    }
 }

@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use super::local_model::slope;
 use crate::step::trajectory::rotation_vector;
-use crate::step::{ContactWrench, Wrench};
+use crate::step::{ContactWrench, Gap, Wrench};
 
 /// Weight of a new sample where the force changed much.
 const MOST_WEIGHT: f64 = 0.8;
@@ -58,8 +58,7 @@ impl Compliance {
         if let (Some(gap), true) = (new.gap, new.wrench == Wrench::ZERO)
             && self.pair != Some(gap.pair)
         {
-            let estimate = gap.compliance;
-            *self = Compliance { value: estimate, is_learned: false, estimate, pair: Some(gap.pair) };
+            *self = Compliance::estimate_of(&gap);
         }
         let Some(after) = new.contact_normal() else { return };
         let moved = new.tool.position - last.tool.position;
@@ -71,7 +70,11 @@ impl Compliance {
         let of = |direction: &DVec3, wrench: &ContactWrench| slope(direction, &wrench.stiffness_matrix());
         if last.wrench == Wrench::ZERO {
             // The first wrench of a contact: the tool has gone through the gap and then some way into the body.
-            let depth = last.gap.map_or(0.0, |gap| -gap.normal.dot(moved) - gap.distance);
+            let met = last.gap_along(after);
+            if let Some(gap) = met.filter(|gap| self.pair != Some(gap.pair)) {
+                *self = Compliance::estimate_of(gap);
+            }
+            let depth = met.map_or(0.0, |gap| -gap.normal.dot(moved) - gap.distance);
             if !self.is_learned && depth > 0.0 {
                 self.take(MOST_WEIGHT, of(&after, new), HERTZ * after.dot(new.wrench.force) / depth);
             }
@@ -84,6 +87,11 @@ impl Compliance {
         }
         let share = TELLING * after.dot(new.wrench.force) / grown;
         self.take(MOST_WEIGHT / (1.0 + share * share), 0.5 * (of(&before, last) + of(&after, new)), grown / advanced);
+    }
+
+    /// What is known of a body before it is touched.
+    fn estimate_of(gap: &Gap) -> Compliance {
+        Compliance { value: gap.compliance, is_learned: false, estimate: gap.compliance, pair: Some(gap.pair) }
     }
 
     /// Takes a sample of the stiffness that is felt, N/m, at a contact of the given stiffness.
@@ -102,7 +110,7 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
-    use crate::step::{Gap, RigidState};
+    use crate::step::RigidState;
 
     /// Contact of 3000 N/m on a body of 300 N/m.
     const CONTACT: f64 = 3000.0;
@@ -231,5 +239,14 @@ mod tests {
         assert_eq!(known, learned);
         known.learn(&above(1e-3, 2e-3), &above(1e-3, 0.0), ARM);
         assert_eq!(known.value(), 0.0);
+        // What is touched need not be what was nearest: the first touch tells of the body in that direction.
+        let [soft, hard] = [2e-3, 0.0].map(|compliance| above(1e-3, compliance).gap.unwrap());
+        let beside = ContactWrench {
+            gap: Some(Gap { normal: DVec3::X, distance: 5e-4, ..hard }),
+            farther: [Some(soft), None, None, None, None],
+            ..above(1e-3, 0.0)
+        };
+        known.learn(&beside, &at(1e-3, 0.0, BODY), ARM);
+        assert!((known.value() - (0.2 * 2e-3 + 0.8 * first)).abs() < 1e-12 && known.pair == Some(soft.pair));
     }
 }

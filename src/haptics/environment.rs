@@ -1,7 +1,7 @@
 //! Sources of contact wrenches (forces and torques) for the haptic loop: the simulation, and one-dimensional models of
 //! known stiffness for measurements of the loop. In each step an environment gets pose and twist of the haptic device
 //! and of the tool (the rigid body that the device leads by a virtual coupling), and returns the contact wrench on the
-//! tool. A wrench without contact may report the *gap*: distance and direction to the nearest body.
+//! tool. A wrench without contact may report *gaps*: distances and directions to bodies.
 
 use glam::DVec3;
 

@@ -2,8 +2,8 @@
 //! The haptic loop evaluates local models (`local_model.rs`), one for each wrench. The model of the newest wrench is
 //! blended in over one interval between wrenches, and more slowly if that would add more energy than the passivity
 //! budget (`passivity.rs`) covers: the energy that the hand has supplied, plus *loans*. A loan stands for energy that
-//! the hand would have supplied if the contact had been known earlier. A wrench without contact may report the *gap* to
-//! the nearest body; its model is then a wall at the gap's end. The *coupling* is the spring and damper between haptic
+//! the hand would have supplied if the contact had been known earlier. A wrench without contact may report *gaps* to
+//! bodies; its model then has a wall at the end of each. The *coupling* is the spring and damper between haptic
 //! device and tool.
 
 use glam::DVec3;
@@ -52,9 +52,9 @@ pub struct Followed {
     newest: ContactWrench,
     /// Compliance of the touched body.
     compliance: Compliance,
-    /// Position of the tool at which its way into the contact starts, m: in the last wrench without contact, or at the
-    /// end of the gap which that reported.
-    entered: DVec3,
+    /// The last wrench without contact: the tool's way into the contact starts there, or at the end of the gap which that
+    /// reported.
+    entered: ContactWrench,
     /// Bound on all loans of this contact, J: the greatest product so far of the contact force and the tool's way from
     /// `entered` against that force.
     most_lent: f64,
@@ -78,7 +78,7 @@ impl Followed {
             interval: 0.0,
             newest,
             compliance: Compliance::default(),
-            entered: tool.position,
+            entered: newest,
             most_lent: 0.0,
             taken: 0.0,
             credit: 0.0,
@@ -128,17 +128,15 @@ impl Followed {
         self.credit = self.credit.max(self.unopposed(tool)).min((self.most_lent - lent).max(0.0));
         (self.newest, self.taken) = (*wrench, time);
         if wrench.wrench == Wrench::ZERO {
-            let gap = wrench.gap.map_or(DVec3::ZERO, |gap| gap.distance.max(0.0) * gap.normal);
-            (self.entered, self.most_lent) = (wrench.tool.position - gap, 0.0);
+            (self.entered, self.most_lent) = (*wrench, 0.0);
         }
     }
 
     /// The force by which the new model exceeds the force felt so far, times the way that the tool went against the
     /// contact's normal since the previous wrench, J; the way through the gap that this reported does not count.
     fn unopposed(&self, tool: &RigidState) -> f64 {
-        let Some(normal) = self.to.normal() else { return 0.0 };
-        let gap = self.newest.gap.map_or(0.0, |gap| gap.distance.max(0.0));
-        let way = -normal.dot(tool.position - self.newest.tool.position) - gap;
+        let Some(normal) = self.to.normal(tool) else { return 0.0 };
+        let way = way_beyond(&self.newest, &normal, tool);
         let [from, to] = [&self.from, &self.to].map(|model| along(&normal, &model.evaluate(tool).tangent.force));
         way.max(0.0) * (to - from).max(0.0)
     }
@@ -146,8 +144,8 @@ impl Followed {
     /// The force of the new model times the way that the tool went against the contact's normal since it entered the
     /// contact, J.
     fn opposed(&self, tool: &RigidState) -> f64 {
-        let Some(normal) = self.to.normal() else { return 0.0 };
-        let way = -normal.dot(tool.position - self.entered);
+        let Some(normal) = self.to.normal(tool) else { return 0.0 };
+        let way = way_beyond(&self.entered, &normal, tool);
         way.max(0.0) * along(&normal, &self.to.evaluate(tool).tangent.force).max(0.0)
     }
 
@@ -191,6 +189,16 @@ impl Followed {
     }
 }
 
+/// The way that the tool went against a contact's normal since a wrench, m: beyond the gaps that the wrench reported, where
+/// there are some.
+fn way_beyond(wrench: &ContactWrench, normal: &DVec3, tool: &RigidState) -> f64 {
+    let moved = tool.position - wrench.tool.position;
+    let beyond = wrench
+        .gaps()
+        .map(|gap| (-gap.normal.dot(moved) - gap.distance.max(0.0)).max(0.0) * gap.normal.dot(*normal).max(0.0));
+    if wrench.gap.is_some() { beyond.fold(0.0, f64::max) } else { -normal.dot(moved) }
+}
+
 #[cfg(test)]
 mod tests {
     use glam::DQuat;
@@ -213,5 +221,15 @@ mod tests {
         followed.take(&wrench, 0.02, &at(-1e-3), 0.0);
         assert!((followed.credit - 1e-3 * (1.1 - 0.1)).abs() < 1e-12, "{} J may be lent", followed.credit);
         assert!((followed.most_lent - 1e-3 * 1.1).abs() < 1e-12, "{} J at most", followed.most_lent);
+        // With gaps in two directions each has its own way.
+        let aside = Gap { normal: DVec3::X, distance: 1e-3, ..gap };
+        let before = ContactWrench {
+            gap: Some(aside),
+            farther: [Some(gap), None, None, None, None],
+            ..ContactWrench::none(at(3e-3))
+        };
+        let there = RigidState::at_rest(DVec3::new(-1.5e-3, -1e-3, 0.0), DQuat::IDENTITY);
+        assert!((way_beyond(&before, &DVec3::Y, &there) - 1e-3).abs() < 1e-12);
+        assert!((way_beyond(&before, &DVec3::X, &there) - 5e-4).abs() < 1e-12);
     }
 }

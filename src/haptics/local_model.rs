@@ -10,11 +10,11 @@
 //! (2006).
 
 use glam::DVec3;
-use nalgebra::{Const, Matrix6, SymmetricEigen, Vector3, Vector6};
+use nalgebra::{Const, Matrix3, Matrix6, SymmetricEigen, Vector3, Vector6};
 
 use super::compliance::Compliance;
 use crate::step::trajectory::rotation_vector;
-use crate::step::{ContactWrench, Gap, RigidState, Wrench};
+use crate::step::{ContactWrench, FARTHER, Gap, RigidState, Wrench};
 
 /// Least lever arm, m. A rotation of the tool counts as a displacement of its angle (rad) times the lever arm; a
 /// point-like tool has no lever arm of its own.
@@ -66,6 +66,170 @@ pub struct LocalModel {
     /// Bound of p up to which the force grows, square root of J.
     most: f64,
     friction: Option<Friction>,
+    walls: Walls,
+}
+
+/// A wall at the end of a gap.
+#[derive(Debug, Clone, Copy)]
+struct Wall {
+    normal: DVec3,
+    /// Distance that the tool may go against the normal from the model's pose, m.
+    distance: f64,
+    /// Stiffness, N/m.
+    stiffness: f64,
+    /// Whether the wall is a part of the body that yields.
+    yields: bool,
+}
+
+/// Walls at the ends of the gaps of a wrench without contact.
+///
+/// The body that is nearest yields as a whole, by the displacement -u where u makes the energy u.u / (2 c) + sum k d^2 / 2
+/// least: c is the body's compliance, k the stiffness of a wall, and d the depth of the tool in it, less what the
+/// displacement takes from it; walls that the tool does not reach do not count. The least energy is the walls' potential,
+/// so that a tool in a hollow feels the body as stiff as on a plane. Walls of other bodies count each by itself.
+#[derive(Debug, Clone, Copy)]
+struct Walls {
+    walls: [Option<Wall>; 1 + FARTHER],
+    /// Compliance of the body that is nearest, m/N.
+    compliance: f64,
+    /// Stiffness that one wall of that body is felt with, N/m.
+    felt: f64,
+    /// Depth in a wall up to which the force grows, m.
+    trust: f64,
+}
+
+/// Greatest number of Newton's steps for the set of walls that press, and of halvings of a step. The energy is convex and
+/// piecewise quadratic, so that few are needed.
+const MOST_SETS: usize = 40;
+/// A step that is shorter than this share of the displacement is left out.
+const SETTLED: f64 = 1e-12;
+const MOST_HALVINGS: usize = 30;
+
+impl Walls {
+    /// No walls.
+    fn none() -> Walls {
+        Walls { walls: [None; 1 + FARTHER], compliance: 0.0, felt: 0.0, trust: f64::INFINITY }
+    }
+
+    /// The walls of a wrench without contact on a body of the given compliance (m/N).
+    fn of(wrench: &ContactWrench, compliance: f64, trust: f64) -> Walls {
+        let Some(nearest) = wrench.gap else { return Walls::none() };
+        let wall = |gap: &Gap| {
+            let yields = gap.pair == nearest.pair;
+            let stiffness = if yields { gap.stiffness } else { in_series(gap.stiffness, gap.compliance) };
+            Wall { normal: gap.normal, distance: gap.distance, stiffness, yields }
+        };
+        let mut walls = wrench.gaps().map(wall);
+        Walls {
+            walls: std::array::from_fn(|_| walls.next()),
+            compliance,
+            felt: in_series(nearest.stiffness, compliance),
+            trust: trust + (-nearest.distance).max(0.0),
+        }
+    }
+
+    /// The walls' force on a tool that moved by a displacement from the model's pose.
+    fn evaluate(&self, moved: &Vector6<f64>) -> Evaluation {
+        let depths = self.walls.map(|wall| wall.map_or(0.0, |wall| -wall.distance - along(&wall.normal, moved)));
+        if depths.iter().all(|depth| *depth <= 0.0) {
+            return Evaluation::zero();
+        }
+        let u = self.yielding(&depths);
+        let mut force = Vector3::zeros();
+        for (wall, pressed) in self.pressed(&depths, &u).filter(|(wall, _)| wall.yields) {
+            force += wall.stiffness * pressed * wall.n();
+        }
+        let of_body = limited(self.energy(&depths, &u), force, self.stiffness(&depths, &u), self.felt, self.trust);
+        let others = self.pressed(&depths, &u).filter(|(wall, _)| !wall.yields).map(|(wall, depth)| {
+            let n = wall.n();
+            let (energy, stiffness) = (0.5 * wall.stiffness * depth * depth, wall.stiffness * n * n.transpose());
+            limited(energy, wall.stiffness * depth * n, stiffness, wall.stiffness, self.trust)
+        });
+        others.fold(of_body, |sum, other| sum.and(&other))
+    }
+
+    /// The walls that press where the body yields by u, and the depths in them that are left, m.
+    fn pressed(&self, depths: &[f64; 1 + FARTHER], u: &Vector3<f64>) -> impl Iterator<Item = (&Wall, f64)> {
+        let left = self.walls.iter().zip(depths).filter_map(|(wall, depth)| Some((wall.as_ref()?, *depth)));
+        left.map(|(wall, depth)| (wall, depth - wall.given(u))).filter(|(_, depth)| *depth > 0.0)
+    }
+
+    /// The energy of the body and its walls, J.
+    fn energy(&self, depths: &[f64; 1 + FARTHER], u: &Vector3<f64>) -> f64 {
+        let of_walls = self.pressed(depths, u).filter(|(wall, _)| wall.yields);
+        let of_walls: f64 = of_walls.map(|(wall, depth)| 0.5 * wall.stiffness * depth * depth).sum();
+        of_walls + if self.compliance > 0.0 { 0.5 * u.norm_squared() / self.compliance } else { 0.0 }
+    }
+
+    /// The displacement u, by Newton's method; a step that does not lessen the energy is halved.
+    fn yielding(&self, depths: &[f64; 1 + FARTHER]) -> Vector3<f64> {
+        let mut u = Vector3::zeros();
+        if self.compliance <= 0.0 {
+            return u;
+        }
+        for _ in 0..MOST_SETS {
+            // (I + c S) u = c sum k depth n, of the walls that press now.
+            let pressing = self.pressed(depths, &u).filter(|(wall, _)| wall.yields);
+            let push: Vector3<f64> =
+                pressing.map(|(wall, left)| wall.stiffness * (left + wall.given(&u)) * wall.n()).sum();
+            let matrix = Matrix3::identity() + self.compliance * self.sum(depths, &u);
+            let Some(factor) = matrix.cholesky() else { return u };
+            let mut step = factor.solve(&(self.compliance * push)) - u;
+            if step.norm() <= SETTLED * u.norm() {
+                return u;
+            }
+            let energy = self.energy(depths, &u);
+            let lessens = |step: &Vector3<f64>| self.energy(depths, &(u + step)) < energy;
+            let mut halvings = 0;
+            while !lessens(&step) && halvings < MOST_HALVINGS {
+                step *= 0.5;
+                halvings += 1;
+            }
+            if halvings == MOST_HALVINGS {
+                return u;
+            }
+            u += step;
+        }
+        u
+    }
+
+    /// Sum k n n^T of the pressing walls of the body that yields.
+    fn sum(&self, depths: &[f64; 1 + FARTHER], u: &Vector3<f64>) -> Matrix3<f64> {
+        let pressing = self.pressed(depths, u).filter(|(wall, _)| wall.yields);
+        pressing.map(|(wall, _)| wall.stiffness * wall.n() * wall.n().transpose()).sum()
+    }
+
+    /// The stiffness that the pressing walls of the body have together, in series with the body.
+    fn stiffness(&self, depths: &[f64; 1 + FARTHER], u: &Vector3<f64>) -> Matrix3<f64> {
+        let of_walls = self.sum(depths, u);
+        let matrix = Matrix3::identity() + self.compliance * of_walls;
+        let felt = matrix.cholesky().map_or(Matrix3::zeros(), |factor| factor.solve(&of_walls));
+        0.5 * (felt + felt.transpose())
+    }
+}
+
+/// Force, stiffness and energy of walls, where the force grows as far as it would in one wall of stiffness `felt` (N/m) to
+/// the depth `trust` (m); beyond that it stays.
+fn limited(energy: f64, force: Vector3<f64>, stiffness: Matrix3<f64>, felt: f64, trust: f64) -> Evaluation {
+    let (size, most) = ((2.0 * energy).sqrt(), felt.sqrt() * trust);
+    let is_beyond = size > most;
+    let share = if is_beyond { most / size } else { 1.0 };
+    let stored = if is_beyond { most * (size - 0.5 * most) } else { energy };
+    let mut tangent = Tangent::zero();
+    tangent.force.fixed_rows_mut::<3>(0).copy_from(&(share * force));
+    tangent.stiffness.fixed_view_mut::<3, 3>(0, 0).copy_from(&(share * stiffness));
+    Evaluation { tangent, stored, is_beyond }
+}
+
+impl Wall {
+    fn n(&self) -> Vector3<f64> {
+        Vector3::from(self.normal.to_array())
+    }
+
+    /// The part of a tool's depth that the body's yielding by u takes away, m.
+    fn given(&self, u: &Vector3<f64>) -> f64 {
+        if self.yields { self.n().dot(u) } else { 0.0 }
+    }
 }
 
 /// Friction between two wrenches: the tangential part of the damping wrench D v, up to the greatest friction. What the
@@ -144,6 +308,16 @@ impl Evaluation {
         Evaluation { tangent: Tangent::zero(), stored: 0.0, is_beyond: false }
     }
 
+    /// The sum of two evaluations, of different contacts at the same time.
+    fn and(self, other: &Evaluation) -> Evaluation {
+        let tangent = Tangent {
+            force: self.tangent.force + other.tangent.force,
+            stiffness: self.tangent.stiffness + other.tangent.stiffness,
+            damping: self.tangent.damping + other.tangent.damping,
+        };
+        Evaluation { tangent, stored: self.stored + other.stored, is_beyond: self.is_beyond || other.is_beyond }
+    }
+
     /// Blend of two evaluations: (1 - `share`) times this one plus `share` times the other.
     pub fn blend(&self, other: &Evaluation, share: f64) -> Evaluation {
         let mix = |a: Matrix6<f64>, b: Matrix6<f64>| a * (1.0 - share) + b * share;
@@ -160,13 +334,12 @@ impl Evaluation {
 impl LocalModel {
     /// Makes the model of a wrench. `arm` (m) is the tool's lever arm, which turns rotations into displacements;
     /// `trust` (m) is the distance from the wrench's pose up to which the force grows in proportion to K. K and D are
-    /// projected onto the symmetric positive semi-definite matrices. If the wrench has no contact but reports the gap
-    /// to the nearest body (distance and direction), the model is a wall at the gap's end. In series with contact or
+    /// projected onto the symmetric positive semi-definite matrices. If the wrench has no contact but reports gaps
+    /// (distances and directions), the model has a wall at the end of each. In series with contact or
     /// wall is the compliance of the body.
     pub fn new(wrench: &ContactWrench, body: &Compliance, arm: f64, trust: f64) -> LocalModel {
-        if let (Some(gap), true) = (wrench.gap, wrench.wrench == Wrench::ZERO) {
-            let stiffness = in_series(gap.stiffness, body.value());
-            return LocalModel::of_gap(wrench.tool, &Gap { stiffness, ..gap }, trust);
+        if wrench.gap.is_some() && wrench.wrench == Wrench::ZERO {
+            return LocalModel { walls: Walls::of(wrench, body.value(), trust), ..LocalModel::raw(wrench) };
         }
         let arm = arm.max(SHORTEST_ARM);
         let contact = Spectrum::of(&wrench.stiffness, arm);
@@ -177,15 +350,6 @@ impl LocalModel {
         let at = Tangent { force, stiffness: felt.matrix(), damping };
         let normal = wrench.normal().and(wrench.contact_normal());
         LocalModel::with(wrench.tool, at, felt.inverse(), normal, trust * felt.greatest().sqrt(), friction)
-    }
-
-    /// Makes the model of a wall at the end of a gap, for the tool in the given state.
-    fn of_gap(tool: RigidState, gap: &Gap, trust: f64) -> LocalModel {
-        let n = vector(gap.normal, DVec3::ZERO);
-        let force = -gap.stiffness * gap.distance * n;
-        let at = Tangent { force, stiffness: gap.stiffness * n * n.transpose(), damping: Matrix6::zeros() };
-        let compliance = if gap.stiffness > 0.0 { n * n.transpose() / gap.stiffness } else { Matrix6::zeros() };
-        LocalModel::with(tool, at, compliance, Some(gap.normal), trust * gap.stiffness.sqrt(), None)
     }
 
     /// Makes a model about the pose of `tool`; the bound of p is the value of p there plus `growth`, square root of J.
@@ -200,7 +364,7 @@ impl LocalModel {
         let at_rest = at.force + at.damping * vector(tool.velocity, tool.angular_velocity);
         let presses = normal.is_none_or(|normal| along(&normal, &at_rest) > 0.0);
         let now = if presses { at_rest.dot(&(compliance * at_rest)).max(0.0).sqrt() } else { 0.0 };
-        LocalModel { tool, at, at_rest, compliance, normal, most: now + growth, friction }
+        LocalModel { tool, at, at_rest, compliance, normal, most: now + growth, friction, walls: Walls::none() }
     }
 
     /// The model without K and D: the wrench stays the same whatever the tool does.
@@ -231,7 +395,12 @@ impl LocalModel {
             tool.position - self.tool.position,
             rotation_vector(tool.orientation * self.tool.orientation.conjugate()),
         );
-        let twist = vector(tool.velocity, tool.angular_velocity);
+        let contact = self.evaluate_contact(&moved, &vector(tool.velocity, tool.angular_velocity));
+        contact.and(&self.walls.evaluate(&moved))
+    }
+
+    /// The values of the contact that the wrench had, for a tool that moved by a displacement from the model's pose.
+    fn evaluate_contact(&self, moved: &Vector6<f64>, twist: &Vector6<f64>) -> Evaluation {
         let at_rest = self.at_rest - self.at.stiffness * moved;
         let strain = self.compliance * at_rest;
         let size = at_rest.dot(&strain).max(0.0).sqrt();
@@ -239,7 +408,7 @@ impl LocalModel {
         let share = if is_beyond { self.most / size } else { 1.0 };
         let pushes = if is_beyond { at_rest - (1.0 - share) * (self.at.stiffness * strain) } else { at_rest };
         let free = || Tangent { force: self.at.damping * twist, ..self.at };
-        let drag = self.friction.map_or_else(free, |friction| friction.drag(&self.at.damping, &twist, &pushes));
+        let drag = self.friction.map_or_else(free, |friction| friction.drag(&self.at.damping, twist, &pushes));
         if self.normal.is_some_and(|normal| self.has_let_go(&normal, &(at_rest - drag.force))) {
             return Evaluation::zero();
         }
@@ -251,12 +420,14 @@ impl LocalModel {
 
     /// Whether there is contact, or a wall at the end of a gap.
     pub fn has_contact(&self) -> bool {
-        self.at.stiffness.trace() > 0.0
+        self.at.stiffness.trace() > 0.0 || self.walls.walls.iter().flatten().any(|wall| wall.stiffness > 0.0)
     }
 
-    /// Direction in which contact pushes the tool.
-    pub fn normal(&self) -> Option<DVec3> {
-        self.normal.or_else(|| linear(&self.at.force).try_normalize())
+    /// Direction in which contact pushes a tool in this state; where nothing pushes it, in which the nearest wall would.
+    pub fn normal(&self, tool: &RigidState) -> Option<DVec3> {
+        let contact = self.normal.or_else(|| linear(&self.at.force).try_normalize());
+        let pushes = || linear(&self.evaluate(tool).tangent.force).try_normalize();
+        contact.or_else(pushes).or_else(|| self.walls.walls[0].map(|wall| wall.normal))
     }
 
     /// Whether the tool has left a one-sided contact. `force` is the wrench by the linear law; it pulls where the tool
@@ -494,6 +665,87 @@ mod tests {
         );
         let deep = model.evaluate(&at(-0.01));
         assert!((deep.tangent.force[1] - 0.5).abs() < 1e-12 && deep.is_beyond);
+    }
+
+    /// A wrench without contact, with these gaps to one body, and from the fifth on to another.
+    fn beside(gaps: &[(DVec3, f64)]) -> ContactWrench {
+        let number = |gap: &(DVec3, f64)| gaps.iter().position(|other| other == gap).unwrap();
+        let of = |gap: &(DVec3, f64)| Gap {
+            normal: gap.0.normalize(),
+            distance: gap.1,
+            stiffness: 500.0 + 100.0 * number(gap) as f64,
+            compliance: 2e-3,
+            pair: u32::from(number(gap) >= 4),
+        };
+        let farther = std::array::from_fn(|k| gaps.get(k + 1).map(of));
+        ContactWrench { step: 1, gap: gaps.first().map(of), farther, ..ContactWrench::none(at(0.0)) }
+    }
+
+    /// Walls of 500 and 600 N/m on a body of 250 N/m. In a corner each wall pushes; in a hollow, whose walls are nearly parallel,
+    /// the body is hardly stiffer than on a plane; between two walls the forces cancel, and the body stays.
+    #[test]
+    fn the_body_yields_once_for_all_walls() {
+        let force = |gaps: &[(DVec3, f64)], y: DVec3| {
+            let model = LocalModel::new(&beside(gaps), &yielding(1.0 / 250.0), 0.01, 1.0);
+            model.evaluate(&RigidState::at_rest(y, DQuat::IDENTITY)).tangent.force.fixed_rows::<3>(0).into_owned()
+        };
+        let felt = [500.0, 600.0].map(|stiffness| in_series(stiffness, 1.0 / 250.0));
+        let corner = [(DVec3::Y, 2e-3), (DVec3::X, 3e-3)];
+        let f = force(&corner, DVec3::new(-5e-3, -5e-3, 0.0));
+        assert!((f - Vector3::new(2e-3 * felt[1], 3e-3 * felt[0], 0.0)).norm() < 1e-12, "{f}");
+        let f = force(&corner, DVec3::new(-2e-3, -5e-3, 0.0));
+        assert!((f - Vector3::new(0.0, 3e-3 * felt[0], 0.0)).norm() < 1e-12, "{f}");
+        // Two walls of 500 and 600 N/m along y, all but parallel, are one of 1100 N/m.
+        let hollow = [(DVec3::new(1e-4, 1.0, 0.0), 0.0), (DVec3::new(-1e-4, 1.0, 0.0), 0.0)];
+        let f = force(&hollow, DVec3::Y * -1e-3);
+        assert!((f.y - 1e-3 * in_series(1100.0, 1.0 / 250.0)).abs() < 1e-6 && f.x.abs() < 1e-4, "{f}");
+        let slot = [(DVec3::Y, -1.2e-3), (DVec3::NEG_Y, -1e-3)];
+        assert!(force(&slot, DVec3::ZERO).norm() < 1e-12);
+        assert!((force(&slot, DVec3::Y * 1e-4).y + 1e-4 * in_series(1100.0, 1.0 / 250.0)).abs() < 1e-12);
+    }
+
+    /// With walls in many directions on a body that yields, within the trusted distance and beyond, the force is the
+    /// gradient of the potential, and the stiffness that of the force.
+    #[test]
+    fn the_force_of_walls_is_the_gradient_of_their_potential() {
+        let gaps = [
+            (DVec3::new(0.9, 0.1, 0.2), -1e-3),
+            (DVec3::new(0.5, 0.8, -0.1), 0.0),
+            (DVec3::Y, 2e-4),
+            (DVec3::new(-0.7, 0.6, 0.3), 5e-4),
+            (DVec3::new(0.0, -0.4, 1.0), 1e-3),
+            (DVec3::new(0.3, -1.0, 0.2), 1.5e-3),
+        ];
+        let (mut beyond, mut compared) = (0, 0);
+        for (trust, compliance) in [(1.0, 1.0 / 250.0), (1e-3, 1.0 / 250.0), (1.0, 0.0), (1e-3, 1e-2), (1.0, 0.1)] {
+            let model = LocalModel::new(&beside(&gaps), &yielding(compliance), 0.01, trust);
+            for k in 0..400 {
+                let (sine, cosine) = (0.7 * f64::from(k)).sin_cos();
+                let x = 4e-3 * DVec3::new(sine, cosine * 0.8, (1.3 * f64::from(k)).sin());
+                let value = |x: DVec3| model.evaluate(&RigidState::at_rest(x, DQuat::IDENTITY));
+                let here = value(x);
+                beyond += usize::from(here.is_beyond);
+                for (axis, unit) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {
+                    let step = 1e-8;
+                    let slope = (value(x + step * unit).stored - value(x - step * unit).stored) / (2.0 * step);
+                    assert!(
+                        (slope + here.tangent.force[axis]).abs() < 1e-6,
+                        "trust {trust} m, compliance {compliance} m/N, at {x}: force {}, slope {slope}",
+                        here.tangent.force
+                    );
+                    // Where a wall begins to press within the step the stiffness jumps.
+                    let other = value(x + step * unit);
+                    if other.is_beyond || here.is_beyond || other.tangent.stiffness != here.tangent.stiffness {
+                        continue;
+                    }
+                    compared += 1;
+                    let change = (here.tangent.force - other.tangent.force)[axis] / step;
+                    let own = here.tangent.stiffness[(axis, axis)];
+                    assert!((change - own).abs() < 1e-3, "stiffness {own} N/m, the force falls by {change} N/m");
+                }
+            }
+        }
+        assert!(beyond > 100 && compared > 1000, "{beyond} places beyond the trusted distance, {compared} slopes");
     }
 
     /// On six axes, with one-sided and two-sided contact, within the trusted distance and beyond: the work along a

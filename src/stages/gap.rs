@@ -1,5 +1,5 @@
-//! Gap pass, a part of the wrench stage: finds the shortest way from a rigid tool to the skins (surface meshes) that
-//! the tool may touch, in steps of a haptic loop. A skin is searched in parts, each by one workgroup. A part is up to
+//! Gap pass, a part of the wrench stage: finds the shortest way from a rigid tool to the skins (surface meshes) that the
+//! tool may touch, in steps of a haptic loop, and for a spherical tool one in each of several sectors of directions. A skin is searched in parts, each by one workgroup. A part is up to
 //! 64 chunks (groups of at most 64 skin vertices with their triangles) of one collision proxy (convex hull that covers
 //! some of the skin).
 
@@ -24,15 +24,21 @@ pub const RANGE: f64 = 0.03;
 /// Largest number of chunks of a part, first for a spherical tool, then for any other tool, with which the search of a
 /// chunk takes longer.
 const SHARE: [usize; 2] = [64, 8];
+/// Sectors of directions in each of which a way from a spherical tool is found, and one for the shortest way.
+pub const SECTORS: usize = 27;
+/// Ways that are longer than the shortest one of their part by at most this are found in all sectors, m: a fast hand
+/// moves so far while a slow step is done.
+pub const MARGIN: f64 = 0.01;
 
 /// The kernel of the gap pass and its arrays.
 pub struct Gap {
     kernel: Kernel,
     parts: Buffer,
-    /// One [`SkinGap`] per part, read by the host.
+    /// One [`SkinGap`] per part and sector, read by the host.
     pub gaps: Buffer,
-    /// Per part: index of the pair of bodies that it belongs to.
-    pub pairs: Vec<usize>,
+    /// Per part and sector: index of the pair of bodies that the part belongs to, and whether the sector is that for the
+    /// shortest way of the part.
+    pub entries: Vec<(usize, bool)>,
 }
 
 /// The stages that hold the skins.
@@ -128,6 +134,7 @@ impl Gap {
         let (Some(first), Some(tool_frame)) = (all.first(), model.tool_frame) else { return Ok(None) };
         let (chunk_first, chunk_count) = tool_chunks(model, first.pair);
         let is_round = model.tool_sphere.is_some();
+        let sectors = if is_round { SECTORS } else { 1 };
         let constants = [
             ("RIGIDS", count(model.cores.len() + 1)),
             ("SPANS", Const::Bool(model.spans_frames())),
@@ -138,14 +145,18 @@ impl Gap {
             ("TOOL_FRAME", count(tool_frame)),
             ("TOOL_CHUNK_FIRST", chunk_first.into()),
             ("TOOL_CHUNKS", chunk_count.into()),
+            ("SECTORS", count(sectors)),
+            ("MARGIN", Const::Float(if is_round { MARGIN as f32 } else { 0.0 })),
         ];
-        let found = (all.len() * size_of::<SkinGap>()) as u64;
-        let pairs = all.iter().map(|part| part.pair).collect();
+        let found = (sectors * all.len() * size_of::<SkinGap>()) as u64;
+        let of_part =
+            |part: &PairPart| (0..sectors).map(|sector| (part.pair, sector == sectors / 2)).collect::<Vec<_>>();
+        let entries = all.iter().flat_map(of_part).collect();
         let all: Vec<SkinPart> = all.iter().map(|part| part.part).collect();
         Ok(Some(Gap {
             kernel: Kernel::new(context, "wrench/gap", Size::Reduce, &constants)?,
             parts: upload(context, "parts", &all)?,
-            pairs,
+            entries,
             gaps: Buffer::new(context, "gaps", found, Memory::Readback)?,
         }))
     }

@@ -44,7 +44,7 @@ pub struct Recordings {
     pub iterate: Plans,
     /// What follows the iterations: the verdict, the state at the end of the step, the wrench.
     pub end: Recording,
-    /// The gap between the tool and the nearest body, which only the steps of a haptic loop need.
+    /// The gaps between the tool and the bodies near it, which only the steps of a haptic loop need.
     pub gap: Option<Recording>,
     /// Stops all motion, where no attempt at a step succeeds.
     pub stop: Recording,

@@ -12,6 +12,9 @@ use super::rigid::{RigidState, Wrench};
 /// forces it is 0.
 const ONE_SIDED: f64 = 0.3;
 
+/// Greatest number of gaps beside the nearest one.
+pub const FARTHER: usize = 5;
+
 /// The output of a step for the haptic loop.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ContactWrench {
@@ -38,6 +41,9 @@ pub struct ContactWrench {
     /// The gap between the tool and the nearest body; `None` where the tool touches something, or nothing is known to
     /// be near.
     pub gap: Option<Gap>,
+    /// Gaps in other directions than that of `gap`, to half-spaces and, for a spherical tool, to places of the skins that
+    /// face it: what the tool may touch first although it is farther away. Nearer ones come first.
+    pub farther: [Option<Gap>; FARTHER],
     /// Whether a driven body (one that follows a trajectory) moved during the step: contact may then do work on the
     /// tool that does not come from the user's hand.
     pub has_kinematic_motion: bool,
@@ -75,6 +81,7 @@ impl ContactWrench {
             friction: DVec3::ZERO,
             most_friction: 0.0,
             gap: None,
+            farther: [None; FARTHER],
             has_kinematic_motion: false,
         }
     }
@@ -97,7 +104,17 @@ impl ContactWrench {
         (size > 0.0 && size >= ONE_SIDED * self.pressing).then(|| self.wrench.force / size)
     }
 
-    /// Whether all numbers are finite, and the tool's state and the gap are valid.
+    /// All gaps, the nearest first.
+    pub fn gaps(&self) -> impl Iterator<Item = &Gap> {
+        self.gap.iter().chain(self.farther.iter().flatten())
+    }
+
+    /// The gap whose normal is nearest to a direction.
+    pub fn gap_along(&self, direction: DVec3) -> Option<&Gap> {
+        self.gaps().max_by(|a, b| a.normal.dot(direction).total_cmp(&b.normal.dot(direction)))
+    }
+
+    /// Whether all numbers are finite, and the tool's state and the gaps are valid.
     pub fn is_finite(&self) -> bool {
         let numbers = self.stiffness.iter().chain(&self.damping).flatten();
         self.tool.is_valid()
@@ -105,7 +122,7 @@ impl ContactWrench {
             && self.pressing.is_finite()
             && self.friction.is_finite()
             && self.most_friction.is_finite()
-            && self.gap.is_none_or(|gap| gap.is_valid())
+            && self.gaps().all(|gap| gap.is_valid())
             && numbers.into_iter().all(|x| x.is_finite())
     }
 }

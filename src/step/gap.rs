@@ -1,5 +1,6 @@
-//! The gap between the tool (the rigid body that the haptic device leads) and the nearest body, at the end of a step of
-//! the haptic loop: the shortest of the gaps to skins (surface meshes), which the GPU found, and to half-spaces.
+//! The gaps between the tool (the rigid body that the haptic device leads) and the bodies near it, at the end of a step of
+//! the haptic loop: to skins (surface meshes), which the GPU found, and to half-spaces. Besides the shortest those in other
+//! directions count, since what the tool meets first depends on the way that it goes.
 
 use glam::DVec3;
 
@@ -7,7 +8,7 @@ use super::Simulation;
 use crate::Result;
 use crate::shaders::{GAP_FAR, NONE, Report, SkinGap};
 use crate::stages::gap;
-use crate::step::{Flags, Gap};
+use crate::step::{FARTHER, Flags, Gap};
 
 /// Depth of first contact, m: the tool's bounding sphere, of radius R, is taken to touch an area of 2 pi R times this
 /// depth.
@@ -15,6 +16,9 @@ const FIRST_TOUCH: f64 = 1e-3;
 /// Skin that faces away from the tool counts as nearer than skin that faces it only if it is nearer by more than this
 /// fraction, since distances to an edge that two triangles share differ by rounding.
 const ROUNDING: f64 = 1e-5;
+/// Gaps are told apart by the cosine of the angle between their normals: at most this (23 degrees). The angle is wider
+/// than that by which a way may differ from its triangle's normal, so that a flat skin has one gap.
+const APART: f64 = 0.92;
 
 impl Simulation {
     /// Stores the gap with the last step's contact wrench, where a haptic loop holds the tool and the tool touches
@@ -25,24 +29,26 @@ impl Simulation {
         let is_known = self.is_in_haptic_loop() && !Flags(report.flags).contains(Flags::FROZEN);
         let touches = self.last_wrench.is_some_and(|w| w.pressing > 0.0 || w.wrench.force != DVec3::ZERO);
         if is_known && !touches {
-            let gap = self.gap()?;
+            let gaps = self.gaps()?;
             if let Some(wrench) = &mut self.last_wrench {
-                wrench.gap = gap;
+                let mut gaps = gaps.into_iter();
+                wrench.gap = gaps.next();
+                wrench.farther = std::array::from_fn(|_| gaps.next());
             }
         }
         Ok(())
     }
 
-    /// The shortest gap to any body; `None` where the tool is a body of the scene, where it lies within a body, or
-    /// where nothing is near.
-    fn gap(&self) -> Result<Option<Gap>> {
+    /// The gaps to bodies, the shortest first; none where the tool is a body of the scene, where it lies within a body,
+    /// or where nothing is near.
+    fn gaps(&self) -> Result<Vec<Gap>> {
         let model = &self.model;
         if model.tool_frame.is_none() {
-            return Ok(None);
+            return Ok(Vec::new());
         }
-        let (is_within, mut shortest) = self.skin_gap()?;
+        let (is_within, mut near) = self.skin_gaps()?;
         if is_within {
-            return Ok(None);
+            return Ok(Vec::new());
         }
         for (index, plane) in model.pair_planes.iter().enumerate().filter(|(i, _)| model.pairs[*i].tool_sign != 0.0) {
             let (Some(plane), Some(tool)) = (plane, &self.tool) else { continue };
@@ -54,33 +60,36 @@ impl Simulation {
                 }
             };
             let distance = plane.normal.dot(tool.centre) - plane.offset + lowest;
-            if shortest.is_none_or(|known| distance < known.distance) {
-                shortest = self.within_range(index, plane.normal, distance).or(shortest);
-            }
+            near.extend(self.within_range(index, plane.normal, distance));
         }
-        Ok(shortest)
+        near.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        Ok(told_apart(near))
     }
 
-    /// Whether the tool is within a body (a sphere by its centre, another tool by any point of its surface); if not,
-    /// the shortest gap to a skin.
-    fn skin_gap(&self) -> Result<(bool, Option<Gap>)> {
-        let Some(stage) = &self.stages.gap else { return Ok((false, None)) };
+    /// Whether the tool is within a body (a sphere by its centre, another tool by any point of its surface); if not, the
+    /// gaps to the parts of skins, the shortest first.
+    fn skin_gaps(&self) -> Result<(bool, Vec<Gap>)> {
+        let Some(stage) = &self.stages.gap else { return Ok((false, Vec::new())) };
         let found = stage.gaps.mapped::<SkinGap>()?;
         let back = found.iter().map(|gap| f64::from(gap.back)).fold(f64::INFINITY, f64::min);
-        let ways = found.iter().zip(&stage.pairs).filter(|(gap, _)| gap.triangle != NONE).map(|(gap, pair)| {
-            let along = DVec3::from(gap.way.map(f64::from));
-            (along, along.length(), gap.triangle, *pair)
-        });
+        let ways = found.iter().zip(&stage.entries).filter(|(gap, _)| gap.triangle != NONE);
+        let mut ways: Vec<_> = ways.map(|(gap, entry)| (DVec3::from(gap.way.map(f64::from)), gap, *entry)).collect();
         // Where several triangles are equally near to the tool, the one with the lowest index counts.
-        let shortest = ways.min_by(|(_, a, t, _), (_, b, u, _)| a.total_cmp(b).then(t.cmp(u)));
-        if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(GAP_FAR), |way| way.1) {
-            return Ok((true, None));
+        ways.sort_by(|(a, one, _), (b, two, _)| {
+            a.length().total_cmp(&b.length()).then(one.triangle.cmp(&two.triangle))
+        });
+        let shortest = ways.first().map_or(f64::from(GAP_FAR), |(along, ..)| along.length());
+        if back < (1.0 - ROUNDING) * shortest {
+            return Ok((true, Vec::new()));
         }
         let radius = self.model.tool_sphere.unwrap_or(0.0);
-        let gap = shortest.and_then(|(along, length, _, pair)| {
-            along.try_normalize().and_then(|along| self.within_range(pair, -along, length - radius))
+        // The shortest way of a part may end at the part's border: only the shortest of all is sure to be a gap.
+        let counts = ways.iter().enumerate().filter(|(i, (_, _, (_, is_shortest)))| *i == 0 || !is_shortest);
+        let gaps = counts.filter_map(|(_, (along, _, (pair, _)))| {
+            let normal = -along.try_normalize()?;
+            self.within_range(*pair, normal, along.length() - radius)
         });
-        Ok((false, gap))
+        Ok((false, gaps.collect()))
     }
 
     /// A gap of this distance (m), or `None` where the distance is beyond the range of the search. The distance is
@@ -96,4 +105,15 @@ impl Simulation {
         let compliance = 0.5 / (self.model.pair_moduli[pair] * self.model.tool_radius);
         (distance <= gap::RANGE).then_some(Gap { normal, distance, stiffness, compliance, pair: pair as u32 })
     }
+}
+
+/// The first of some gaps, and those in other directions than the ones before them.
+fn told_apart(gaps: Vec<Gap>) -> Vec<Gap> {
+    let mut kept: Vec<Gap> = Vec::new();
+    for gap in gaps {
+        if kept.len() <= FARTHER && kept.iter().all(|other| other.normal.dot(gap.normal) <= APART) {
+            kept.push(gap);
+        }
+    }
+    kept
 }

@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::shaders::Report;
 use crate::stages::model::Model;
 use crate::step::tool::Tool;
-use crate::step::{ContactWrench, Flags, Wrench};
+use crate::step::{ContactWrench, FARTHER, Flags, Wrench};
 use crate::{Error, Result};
 
 /// The tool in its state at the start of the scene. `body` is the prepared rigid body of the tool, if it has one of its
@@ -97,6 +97,7 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report, friction: 
         friction: vector(report.friction),
         most_friction: friction * f64::from(report.pressing),
         gap: None,
+        farther: [None; FARTHER],
         has_kinematic_motion: false,
     }
 }

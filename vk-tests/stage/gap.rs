@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use palpate::internal::gpu::Size;
 use palpate::internal::prepare::{self, Body, FrameMotion, Shape};
 use palpate::internal::shaders::{Chunk, Frame, Link, NONE, Proxy, RigidIterate, SkinGap, SkinPart, Solve};
-use palpate::internal::stages::gap::{RANGE, parts};
+use palpate::internal::stages::gap::{MARGIN, RANGE, SECTORS, parts};
 use palpate_oracle::gap as oracle;
 use palpate_oracle::gap::{Mesh, Way};
 
@@ -25,6 +25,11 @@ const CLOSE: f64 = 2.0e-7;
 const FAR: f32 = 3.0e38;
 /// Greatest number of chunks (groups of skin vertices and triangles) in a part of a skin, which one workgroup handles.
 const SHARE: u32 = 8;
+
+/// Error of a way to the plane of a triangle, m: the normal of a small triangle is less exact than its corners.
+const TILTED: f64 = 2.0e-6;
+/// Least cosine of the angle between a way in a sector and its triangle's normal.
+const COSINE: f64 = 0.948_683_298_050_513_8;
 
 /// Inputs of wrench/gap. [`Flow`] holds the arrays of the stages before that kernel for some bodies; the last body is
 /// the tool.
@@ -65,7 +70,13 @@ impl Given {
         self.flow.model.tool_frame.unwrap()
     }
 
-    fn run(&self, size: Size) -> Vec<SkinGap> {
+    /// Number of sectors of directions in which ways are found.
+    fn sectors(&self) -> usize {
+        if self.is_round { SECTORS } else { 1 }
+    }
+
+    /// The ways to all parts: for each part one for each sector.
+    fn run(&self, size: Size) -> Vec<Vec<SkinGap>> {
         let (flow, model) = (&self.flow, &self.flow.model);
         let old = [RigidIterate { x: [f32::NAN; 6], ..RigidIterate::zeroed() }].repeat(self.changes.len());
         let new = self.changes.iter().map(|x| RigidIterate { x: *x, ..RigidIterate::zeroed() });
@@ -84,6 +95,8 @@ impl Given {
             .constant("TOOL_FRAME", self.tool_frame() as u32)
             .constant("TOOL_CHUNK_FIRST", of_tool[0].chunk_first)
             .constant("TOOL_CHUNKS", of_tool.iter().map(|p| p.chunk_count).sum::<u32>())
+            .constant("SECTORS", self.sectors() as u32)
+            .constant("MARGIN", if self.is_round { MARGIN as f32 } else { 0.0 })
             .input("params", &[flow.params])
             .input("frames", &flow.frames)
             .input("solve", &[Solve { current: 1, ..Solve::zeroed() }])
@@ -103,7 +116,7 @@ impl Given {
             .input("node_info", &some(&model.node_info))
             .input("links", &flow.links)
             .inout("skin", &stale)
-            .output::<SkinGap>("gaps", self.parts.len())
+            .output::<SkinGap>("gaps", self.sectors() * self.parts.len())
             .groups(self.parts.len())
             .run();
         // The positions of vertices that the kernel read must be those of the oracle, relative to the tool's centre and
@@ -114,7 +127,7 @@ impl Given {
             let is_there = vector([got[0], got[1], got[2]]).distance(want) < CLOSE;
             assert!(*got == [-5.0; 4] || (is_there && got[3] == 1.0), "vertex at {got:?}, expected {want}");
         }
-        out.get("gaps")
+        out.get::<SkinGap>("gaps").chunks(self.sectors()).map(<[SkinGap]>::to_vec).collect()
     }
 
     fn tool_at_end(&self) -> Place {
@@ -205,16 +218,24 @@ impl Given {
     }
 
     /// Compares the kernel's ways with all ways, at the workgroup sizes of a CPU and of a GPU. Returns the number of
-    /// parts within reach of the tool, and the number of parts whose nearest triangle faces away from the tool, so that
-    /// the tool is within the body.
-    fn agree(&self) -> [usize; 2] {
-        let (mut near, mut within) = (0, 0);
+    /// parts within reach of the tool, the number of parts whose nearest triangle faces away from the tool, so that
+    /// the tool is within the body, and the number of sectors in which a triangle faces a sphere.
+    fn agree(&self) -> [usize; 3] {
+        let (mut near, mut within, mut towards) = (0, 0, 0);
         let [small, large] = [Size::Reduce, Size::Group].map(|size| self.run(size));
         let reach = RANGE + if self.is_round { self.radius } else { 0.0 };
         for ((part, got), other) in self.parts.iter().zip(&small).zip(&large) {
+            let ways = self.ways(part);
+            let [sectors, of_others] = [got, other];
+            let [got, other] = [got, other].map(|all| &all[self.sectors() / 2]);
             let [one, two] = [got, other].map(|gap| (gap.way.map(f32::to_bits), gap.triangle));
             assert_eq!(one, two, "way and triangle, with workgroups of two sizes");
-            let ways = self.ways(part);
+            if self.is_round {
+                let bits = |all: &[SkinGap]| all.iter().map(|gap| (gap.way.map(f32::to_bits), gap.triangle)).collect();
+                let [one, two]: [Vec<_>; 2] = [bits(sectors), bits(of_others)];
+                assert_eq!(one, two, "ways in sectors, with workgroups of two sizes");
+                towards += self.agree_in_sectors(part, sectors);
+            }
             let size = |way: Way| way.along.length();
             let front = oracle::shortest(ways.iter().copied(), true).filter(|way| size(*way) < reach);
             let back = oracle::shortest(ways.iter().copied(), false).filter(|way| size(*way) < reach);
@@ -251,7 +272,56 @@ impl Given {
             }
             within += usize::from(back.is_some_and(|back| size(back) < most));
         }
-        [near, within]
+        [near, within, towards]
+    }
+}
+
+impl Given {
+    /// Compares the ways in sectors with the ways to the planes of all triangles of a part: each must be one of them, in
+    /// its sector, and at most as long as the shortest way there whose triangle is not farther away than the nearest one
+    /// by more than the margin. Returns the number of sectors in which there is such a way.
+    fn agree_in_sectors(&self, part: &SkinPart, sectors: &[SkinGap]) -> usize {
+        let centre = self.tool_at_end().0;
+        let positions = self.positions();
+        let (indices, corners) = self.triangles(part.chunk_first, part.chunk_count);
+        let ways: Vec<Way> = oracle::from_point(centre, (&positions, &corners)).collect();
+        let size = |triangle: usize| ways[triangle].along.length();
+        let least = oracle::shortest(ways.iter().copied(), true).map_or(f64::INFINITY, |way| way.along.length());
+        let limit = (RANGE + self.radius).min(least + MARGIN) - CLOSE;
+        let planes: Vec<Way> = oracle::to_planes(centre, (&positions, &corners), COSINE - 1e-4).collect();
+        // Ways at the border of a sector or at the limit of angles may count or not.
+        let is_clear = |way: &Way| {
+            let direction = way.along.normalize();
+            direction.to_array().iter().all(|x| (x.abs() - 0.5).abs() > 1e-4) && (way.cosine - COSINE).abs() > 1e-4
+        };
+        let mut found = 0;
+        for (index, got) in sectors.iter().enumerate().filter(|(index, _)| *index != SECTORS / 2) {
+            let sector = [index / 9, index / 3 % 3, index % 3].map(|digit| digit as i32 - 1);
+            let own = planes.iter().filter(|way| is_clear(way) && oracle::sector_of(way.along.normalize()) == sector);
+            let most = own.filter(|way| size(way.triangle) < limit).map(|way| way.along.length());
+            let most = most.fold(f64::INFINITY, f64::min);
+            found += usize::from(most < f64::INFINITY);
+            if got.triangle == NONE {
+                assert_eq!(most, f64::INFINITY, "no way is found in sector {sector:?}; there is one of {most} m");
+                continue;
+            }
+            let way = vector(got.way);
+            assert!(way.length() < most + TILTED, "{got:?} in sector {sector:?}; there is a way of {most} m");
+            let mut same = planes.iter().filter(|way| indices[way.triangle] == got.triangle);
+            assert!(
+                same.any(|known| known.along.distance(way) < TILTED),
+                "{got:?} is no way to its triangle's plane: {:?}",
+                oracle::to_planes(centre, (&positions, &corners), 0.0)
+                    .find(|way| indices[way.triangle] == got.triangle)
+            );
+            let near = |x: f64, digit: i32| match digit {
+                0 => x.abs() < 0.5 + 1e-4,
+                digit => f64::from(digit) * x > 0.5 - 1e-4,
+            };
+            let is_in = way.normalize().to_array().into_iter().zip(sector).all(|(x, digit)| near(x, digit));
+            assert!(is_in, "{got:?} is not in sector {sector:?}");
+        }
+        found
     }
 }
 
@@ -302,7 +372,7 @@ fn a_triangle_before_a_sphere_and_behind_it_by_hand() {
         (given.flow.params.tool_centre, given.flow.params.tool_twist) = ([0.0, 0.0, z], [0.0; 6]);
         given.flow.params.tool_twist[2] = 0.64;
         given.changes = vec![[0.0, 0.0, 0.64, 0.0, 0.0, 0.0]];
-        let got = given.run(Size::Reduce)[0];
+        let got = given.run(Size::Reduce)[0][SECTORS / 2];
         match front {
             true => assert!(
                 (got.way, got.triangle, got.back) == ([0.0, 0.0, -0.04], 0, FAR),
@@ -312,7 +382,7 @@ fn a_triangle_before_a_sphere_and_behind_it_by_hand() {
         }
         // A little farther away the triangle is out of reach.
         given.flow.params.tool_centre[2] += if front { 1e-5 } else { -1e-5 };
-        let got = given.run(Size::Reduce)[0];
+        let got = given.run(Size::Reduce)[0][SECTORS / 2];
         assert_eq!((got.triangle, got.way), (NONE, [0.0; 3]));
     }
 }
@@ -336,7 +406,7 @@ fn equal_ways_go_to_the_lower_triangle() {
     (given.flow.params.tool_centre, given.flow.params.tool_twist) = ([0.0, 0.0, 0.02], [0.0; 6]);
     given.changes = vec![[0.0; 6]];
     for size in [Size::Reduce, Size::Group] {
-        let got = given.run(size)[0];
+        let got = given.run(size)[0][SECTORS / 2];
         assert_eq!((got.way, got.triangle), ([0.0, 0.0, -0.02], 0), "way and triangle: {got:?}");
     }
 }
@@ -345,7 +415,7 @@ fn equal_ways_go_to_the_lower_triangle() {
 #[ignore = "long: 10 s"]
 fn shortest_ways_to_loose_triangles_of_any_number() {
     let (narrow, wide) = (context().reduce_size() as usize, context().group_size() as usize);
-    let (mut near, mut within) = (0, 0);
+    let (mut near, mut within, mut towards) = (0, 0, 0);
     for n in [0, 1, narrow - 1, narrow, narrow + 1, wide - 1, wide, wide + 1, 1234] {
         for is_round in [true, false] {
             let mut random = Random(n as u64 + 7);
@@ -364,12 +434,12 @@ fn shortest_ways_to_loose_triangles_of_any_number() {
                 let chunk = &mut given.flow.model.chunks[first];
                 (chunk.vertex_count, chunk.embed_count, chunk.triangle_count) = (0, 0, 0);
             }
-            let [some, inside] = given.agree();
-            (near, within) = (near + some, within + inside);
+            let [some, inside, facing] = given.agree();
+            (near, within, towards) = (near + some, within + inside, towards + facing);
             // First all parts lose their chunks, then there are no parts at all.
             given.parts.iter_mut().for_each(|part| part.chunk_count = 0);
             assert!(
-                given.run(Size::Reduce).iter().all(|got| got.triangle == NONE),
+                given.run(Size::Reduce).iter().flatten().all(|got| got.triangle == NONE),
                 "{n} triangles: the kernel reports a way to a part without chunks"
             );
             given.parts.clear();
@@ -377,6 +447,7 @@ fn shortest_ways_to_loose_triangles_of_any_number() {
         }
     }
     assert!(near >= 20 && within > 5, "{near} parts within reach; in {within} parts the tool is within the body");
+    assert!(towards > 0, "in {towards} sectors a triangle faces the sphere");
 }
 
 /// A soft ball, and displacements of its nodes of up to `size` (m). If `spans`, all but its left end belongs to a
@@ -396,7 +467,7 @@ fn ball(spans: bool, size: f64, random: &mut Random) -> (Body, Vec<[f32; 4]>) {
 #[test]
 #[ignore = "long: 8 s"]
 fn shortest_ways_to_deformed_bodies() {
-    let (mut near, mut within) = (0, 0);
+    let (mut near, mut within, mut towards) = (0, 0, 0);
     for seed in 0..12 {
         let mut random = Random(seed + 40);
         let (spans, is_round) = (seed % 2 == 1, seed % 4 < 2);
@@ -442,18 +513,19 @@ fn shortest_ways_to_deformed_bodies() {
         for away in [0.045, 0.035, 0.028, 0.02, 0.014, 0.01, 0.005, 0.0] {
             let centre = skin[random.below(count)] + away * random.vector().normalize();
             given.flow.params.tool_centre = centre.as_vec3().to_array();
-            let [some, inside] = given.agree();
-            (near, within) = (near + some, within + inside);
+            let [some, inside, facing] = given.agree();
+            (near, within, towards) = (near + some, within + inside, towards + facing);
         }
     }
     println!("{near} parts within reach; in {within} parts the tool is within the body");
     assert!(near > 60 && within > 30, "{near} parts within reach; in {within} parts the tool is within the body");
+    assert!(towards > 50, "in {towards} sectors a triangle faces the sphere");
 }
 
 /// The gap that whole steps report to the haptic loop.
 mod told {
     use glam::{DQuat, DVec3};
-    use palpate::internal::step::{ContactWrench, DeviceInput};
+    use palpate::internal::step::{ContactWrench, DeviceInput, FARTHER};
     use palpate::{RigidState, Simulation};
 
     use super::RADIUS;
@@ -555,12 +627,129 @@ mod told {
         // If there are two bodies, the gap is that to the nearer one.
         let mut simulation = opened(&format!("{}{FLOOR}", block("motion = \"fixed\"")), &sphere);
         expect(&mut simulation, at(0.0, 0.012, 0.0), DVec3::Y, 0.002);
+        let farther = step(&mut simulation, at(0.0, 0.012, 0.0)).farther;
+        let other = farther[0].expect("the half-space is farther away than the block, in another direction");
+        assert!(other.normal.distance(normal) < 1e-6 && (other.distance - 0.0196).abs() < CLOSE, "{other:?}");
+        assert_eq!(farther[1..], [None; FARTHER - 1]);
         expect(&mut simulation, at(0.0, 0.015, -0.03), normal, 0.8 * 0.015 - 0.6 * 0.03 + 0.02 - RADIUS);
         let wrench = step(&mut simulation, at(0.0, 0.03, -0.06));
         assert!(
             wrench.gap.is_some_and(|gap| gap.normal.distance(normal) < 1e-6 && gap.distance > 0.0)
                 || wrench.gap.is_none()
         );
+    }
+
+    /// A sphere in the inner corner of a body with an L as its profile: the wall is nearest, and the floor is told too.
+    /// Over the middle of a face, over an outer edge, and beside a corner there is one gap.
+    #[test]
+    fn in_a_corner_each_face_has_its_gap() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("corner.obj");
+        let profile = [[-0.04, -0.02], [0.04, -0.02], [0.04, 0.0], [-0.02, 0.0], [-0.02, 0.04], [-0.04, 0.04]];
+        let mut text = String::new();
+        for z in [-0.04, 0.04] {
+            profile.iter().for_each(|[x, y]| text.push_str(&format!("v {x} {y} {z}\n")));
+        }
+        for k in 0..6 {
+            let (a, b) = (k + 1, (k + 1) % 6 + 1);
+            text.push_str(&format!("f {a} {b} {} {}\n", b + 6, a + 6));
+        }
+        text.push_str("f 4 3 2 1\nf 6 5 4 1\nf 7 8 9 10\nf 7 10 11 12\n");
+        std::fs::write(&file, text).unwrap();
+        let body = format!("[[body]]\nname = \"corner\"\nsurface = {file:?}\nmotion = \"fixed\"\n");
+        let mut simulation = opened(&body, &format!("sphere = {RADIUS:?}"));
+        let tool = at(-0.007, 0.015, 0.003);
+        expect(&mut simulation, tool, DVec3::X, 0.003);
+        let farther = step(&mut simulation, tool).farther;
+        let floor = farther[0].expect("the floor is farther away than the wall");
+        assert!(floor.normal.distance(DVec3::Y) < 1e-5 && (floor.distance - 0.005).abs() < CLOSE, "{floor:?}");
+        assert_eq!(farther[1..], [None; FARTHER - 1]);
+        // However the sphere is turned.
+        let turned = RigidState { orientation: DQuat::from_rotation_arc(DVec3::ONE.normalize(), DVec3::NEG_Y), ..tool };
+        let again = step(&mut simulation, turned).farther[0].expect("the floor, for a sphere that is turned");
+        assert!(again.normal.distance(floor.normal) < 1e-5 && (again.distance - floor.distance).abs() < CLOSE);
+        for alone in [at(0.025, 0.012, 0.003), at(0.047, 0.008, 0.003), at(-0.046, 0.047, -0.046)] {
+            let wrench = step(&mut simulation, alone);
+            assert!(wrench.gap.is_some() && wrench.farther == [None; FARTHER], "{wrench:?}");
+        }
+    }
+
+    /// Hollows and creases in a sheet of 9,800 triangles, which has several parts: wherever a sphere is moved to by 8 mm, it
+    /// is in no wall of a step before unless it touches the sheet; in a crease of 40 degrees each side has its gap.
+    #[test]
+    fn walls_are_where_a_hollow_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let shapes: [(&str, fn(f64, f64) -> f64, usize); 4] = [
+            ("flat", |_, _| 0.0, 1),
+            ("bowl", |x, z| (x * x + z * z) / 0.06, 0),
+            ("crease of 20 degrees", |x, _| 0.176 * x.abs(), 1),
+            ("crease of 40 degrees", |x, _| 0.364 * x.abs(), 2),
+        ];
+        for (name, height, want) in shapes {
+            let file = folder.path().join("sheet.obj");
+            let (count, mut text) = (70, String::new());
+            let at_grid = |i: usize| (i as f64 / count as f64 - 0.5) * 0.1;
+            for (i, k) in (0..=count).flat_map(|i| (0..=count).map(move |k| (i, k))) {
+                let (x, z) = (at_grid(i), at_grid(k));
+                text.push_str(&format!("v {x} {} {z}\n", height(x, z)));
+            }
+            for (i, k) in (0..count).flat_map(|i| (0..count).map(move |k| (i, k))) {
+                let corner = |i: usize, k: usize| i * (count + 1) + k + 1;
+                let (a, b, c, d) = (corner(i, k), corner(i, k + 1), corner(i + 1, k + 1), corner(i + 1, k));
+                text.push_str(&format!("f {a} {b} {c}\nf {a} {c} {d}\n"));
+            }
+            // Below the grid a wall on each side and a floor: a body that is closed.
+            let side = |k: usize| [(k, 0), (count, k), (count - k, count), (0, count - k)];
+            let rim: Vec<usize> = (0..4)
+                .flat_map(|s| (0..count).map(move |k| side(k)[s]))
+                .map(|(i, k)| i * (count + 1) + k + 1)
+                .collect();
+            let below = (count + 1) * (count + 1);
+            for vertex in &rim {
+                let (i, k) = ((vertex - 1) / (count + 1), (vertex - 1) % (count + 1));
+                text.push_str(&format!("v {} -0.02 {}\n", at_grid(i), at_grid(k)));
+            }
+            text.push_str("v 0 -0.02 0\n");
+            let middle = below + rim.len() + 1;
+            for (k, vertex) in rim.iter().enumerate() {
+                let (next, own) = ((k + 1) % rim.len(), below + k + 1);
+                let other = below + next + 1;
+                text.push_str(&format!(
+                    "f {vertex} {} {other}\nf {vertex} {other} {own}\nf {own} {other} {middle}\n",
+                    rim[next]
+                ));
+            }
+            std::fs::write(&file, text).unwrap();
+            let body = format!("[[body]]\nname = \"sheet\"\nsurface = {file:?}\nmotion = \"fixed\"\n");
+            let mut simulation = opened(&body, &format!("sphere = {RADIUS:?}"));
+            // Distance of a sphere's surface from the sheet, to a tenth of a millimetre.
+            let clearance = |at: DVec3| {
+                let points =
+                    (0..=400).flat_map(|i| (0..=400).map(move |k| [i, k].map(|j| (f64::from(j) / 400.0 - 0.5) * 0.1)));
+                let least =
+                    points.map(|[x, z]| DVec3::new(x, height(x, z), z).distance(at)).fold(f64::INFINITY, f64::min);
+                least - RADIUS
+            };
+            for (x, z) in [(0.0, 0.0), (0.004, 0.003), (-0.006, 0.008)] {
+                let mut tool = at(x, height(x, z) + 0.02, z);
+                tool.position.y -= clearance(tool.position) - 0.002;
+                let wrench = step(&mut simulation, tool);
+                assert!(wrench.gap.is_some(), "{name}: no gap at {}", tool.position);
+                let found = wrench.gaps().count();
+                assert!(want == 0 || found == want || (x != 0.0 && found <= want), "{name}: {found} gaps at {x}, {z}");
+                for (sine, cosine) in (0..24).map(|k| (0.2618 * f64::from(k)).sin_cos()) {
+                    for moved in [DVec3::new(sine, 0.0, cosine), DVec3::new(sine, -0.3, cosine)].map(|d| 0.008 * d) {
+                        let depths = wrench.gaps().map(|gap| -gap.distance - gap.normal.dot(moved));
+                        let depth = depths.fold(f64::NEG_INFINITY, f64::max);
+                        let free = clearance(tool.position + moved);
+                        assert!(
+                            depth < 3e-4 || free < depth.min(0.0) + 3e-4,
+                            "{name}: {depth} m in a wall, {free} m free"
+                        );
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -16,6 +16,8 @@ pub struct Way {
     pub triangle: usize,
     /// Whether the triangle faces the vertex.
     pub faces: bool,
+    /// Cosine of the angle between the way and the triangle's normal, at most 90 degrees; 1 where the way has no length.
+    pub cosine: f64,
 }
 
 /// The point of a triangle nearest to `x`, by Voronoi regions (Ericson, "Real-Time Collision Detection", 2005, 5.1.5).
@@ -49,8 +51,10 @@ pub fn nearest_of_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
 pub fn from_point<'a>(x: DVec3, (positions, triangles): Mesh<'a>) -> impl Iterator<Item = Way> + 'a {
     triangles.iter().enumerate().map(move |(triangle, corners)| {
         let [a, b, c] = corners.map(|i| positions[i as usize]);
-        let faces = (b - a).cross(c - a).dot(x - a) >= 0.0;
-        Way { along: nearest_of_triangle(x, [a, b, c]) - x, triangle, faces }
+        let normal = (b - a).cross(c - a);
+        let along = nearest_of_triangle(x, [a, b, c]) - x;
+        let cosine = if along == DVec3::ZERO { 1.0 } else { normal.normalize().dot(along.normalize()).abs() };
+        Way { along, triangle, faces: normal.dot(x - a) >= 0.0, cosine }
     })
 }
 
@@ -65,6 +69,21 @@ pub fn from_surface<'a>(tool: Mesh<'a>, skin: Mesh<'a>) -> impl Iterator<Item = 
 /// false); `None` if there is no such way.
 pub fn shortest(ways: impl Iterator<Item = Way>, faces: bool) -> Option<Way> {
     ways.filter(|way| way.faces == faces).min_by(|a, b| a.along.length().total_cmp(&b.along.length()))
+}
+
+/// The ways to the planes of those triangles that face the point at an angle of at least this cosine between way and
+/// normal.
+pub fn to_planes<'a>(x: DVec3, mesh: Mesh<'a>, cosine: f64) -> impl Iterator<Item = Way> + 'a {
+    from_point(x, mesh).filter(move |way| way.faces && way.cosine >= cosine).map(move |way| {
+        let [a, b, c] = mesh.1[way.triangle].map(|i| mesh.0[i as usize]);
+        Way { along: (a - x).project_onto((b - a).cross(c - a)), ..way }
+    })
+}
+
+/// Digits of the sector of a direction of length 1: 1 where a component is more than a half, -1 where it is less than
+/// minus a half, else 0.
+pub fn sector_of(direction: DVec3) -> [i32; 3] {
+    direction.to_array().map(|x| i32::from(x > 0.5) - i32::from(x < -0.5))
 }
 
 #[cfg(test)]
@@ -96,6 +115,11 @@ mod tests {
         let skin = (&skin.0[..], &skin.1[..]);
         let at = |z: f64| from_point(DVec3::new(0.5, 0.5, z), skin).next().unwrap();
         assert_eq!((at(3.0).along, at(3.0).faces, at(-3.0).faces), (-DVec3::Z * 3.0, true, false));
+        assert_eq!(at(3.0).cosine, 1.0);
+        // Beside the triangle the way meets it at 45 degrees; its plane is straight below.
+        let beside = |cosine: f64| to_planes(DVec3::new(-1.0, 1.0, 1.0), skin, cosine).next();
+        assert!(beside(0.7).is_some_and(|way| way.along.distance(-DVec3::Z) < 1e-15) && beside(0.71).is_none());
+        assert_eq!(sector_of(DVec3::new(0.8, 0.0, -0.6)), [1, 0, -1]);
         // No vertex of the tool lies over the skin; the skin's vertex at the origin lies under an edge of the tool.
         let tool = ([DVec3::new(-1.0, 1.0, 1.0), DVec3::new(1.0, -1.0, 1.0), DVec3::new(-1.0, -1.0, 1.0)], [[0, 1, 2]]);
         let ways: Vec<Way> = from_surface((&tool.0, &tool.1), skin).collect();

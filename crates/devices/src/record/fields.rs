@@ -143,6 +143,7 @@ pub fn of_step(step: &Step) -> Vec<Field> {
         friction,
         most_friction,
         gap,
+        farther,
         has_kinematic_motion,
     } = wrench;
     fields.count("step", step);
@@ -157,15 +158,9 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     fields.number("pressing_n", pressing);
     fields.numbers("friction", XYZ, friction.to_array());
     fields.number("most_friction_n", most_friction);
-    let of_gap = |of: fn(&Gap) -> f64| Value::Number(gap.as_ref().map(of));
-    fields.add(["gap_normal", "_x", ""], of_gap(|gap| gap.normal.x));
-    fields.add(["gap_normal", "_y", ""], of_gap(|gap| gap.normal.y));
-    fields.add(["gap_normal", "_z", ""], of_gap(|gap| gap.normal.z));
-    fields.add(["gap_m", "", ""], of_gap(|gap| gap.distance));
     fields.count("is_driven", has_kinematic_motion.into());
-    fields.add(["gap_stiffness", "", ""], of_gap(|gap| gap.stiffness));
-    fields.add(["gap_compliance", "", ""], of_gap(|gap| gap.compliance));
-    fields.add(["gap_pair", "", ""], of_gap(|gap| gap.pair.into()));
+    let names = ["gap", "gap2", "gap3", "gap4", "gap5", "gap6"];
+    names.into_iter().zip([gap].into_iter().chain(farther)).for_each(|(name, gap)| fields.gap(name, gap));
     fields.0
 }
 
@@ -200,6 +195,19 @@ impl List {
     fn wrench(&mut self, [linear, angular]: [&'static str; 2], wrench: Wrench) {
         self.numbers(linear, XYZ, wrench.force.to_array());
         self.numbers(angular, XYZ, wrench.torque.to_array());
+    }
+
+    fn gap(&mut self, name: &'static str, gap: Option<Gap>) {
+        let mut add = |part: &'static str, of: fn(&Gap) -> f64| {
+            self.add([name, part, ""], Value::Number(gap.as_ref().map(of)));
+        };
+        add("_normal_x", |gap| gap.normal.x);
+        add("_normal_y", |gap| gap.normal.y);
+        add("_normal_z", |gap| gap.normal.z);
+        add("_m", |gap| gap.distance);
+        add("_stiffness", |gap| gap.stiffness);
+        add("_compliance", |gap| gap.compliance);
+        add("_pair", |gap| gap.pair.into());
     }
 
     /// Adds a reading as the device gave it, or empty values if there is no reading.
