@@ -12,11 +12,11 @@
 // one collision proxy (convex hull around part of a skin), and writes SECTORS times a SkinGap. The f64 reference is
 // oracle::gap.
 //
-// For a spherical tool the way runs from the tool's centre to a triangle of the skin. Besides the shortest way, those to
-// the planes of triangles that face the tool are found, the shortest in each of 26 sectors of directions along the
-// world's axes, since a tool in a hollow may meet another place of the skin than the nearest one. A triangle faces the
-// tool where the way to it is nearly along its normal. Of triangles whose way is longer than the shortest of the part by
-// more than MARGIN, some are missed. For any other tool it is the shortest way between a vertex of one of the two
+// For a spherical tool the way runs from the tool's centre to a triangle of the skin. Besides the shortest way, in each of
+// 26 sectors of directions of normals, along the world's axes, the nearest triangle that faces the tool is found, and the
+// way to its plane, since a tool in a hollow may meet another place of the skin than the nearest one. A triangle faces
+// the tool where the way to it is nearly along its normal. Of triangles whose way is longer than the shortest of the part
+// by more than MARGIN, some are missed. For any other tool it is the shortest way between a vertex of one of the two
 // surfaces and a triangle of the other; vertices of both surfaces are tested, as for contacts. For triangles that face
 // away from the tool only the least distance is kept: where this distance is less than the length of the way, the tool
 // is within a body. Among equally long ways the one with the lower index of its triangle counts; if their triangle is
@@ -77,7 +77,7 @@ struct Place {
 // A way from the tool to a skin.
 struct Way {
     vec3 along;         // vector to the skin, from a spherical tool's centre or from another tool's surface, m
-    float size;         // length of the way, m
+    float size;         // length of the way to the triangle, m
     uint triangle, vertex;      // index of the triangle and of the vertex at its ends
 };
 
@@ -260,8 +260,8 @@ void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, in
         if (is_shorter(way, fronts[SHORTEST])) fronts[SHORTEST] = way;
         float square = dot(n, n), height = dot(a, n);
         if (SECTORS > 1 && square > 0.0 && way.size > 0.0 && height * height >= FACES2 * square * dot(x, x)) {
+            // The skin of a hollow goes on beside the triangle, about in its plane.
             way.along = height / square * n;
-            way.size = length(way.along);
             uint sector = sector_of(rotate(tool_turn, -inversesqrt(square) * n));
             if (is_shorter(way, fronts[sector])) fronts[sector] = way;
         }

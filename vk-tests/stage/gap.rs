@@ -277,9 +277,8 @@ impl Given {
 }
 
 impl Given {
-    /// Compares the ways in sectors with the ways to the planes of all triangles of a part: each must be one of them, in
-    /// its sector, and at most as long as the shortest way there whose triangle is not farther away than the nearest one
-    /// by more than the margin. Returns the number of sectors in which there is such a way.
+    /// Compares the ways in sectors with the ways to the planes of all triangles of a part: each must be that to the nearest
+    /// triangle in its sector, unless that is farther away than the nearest of all by more than the margin. Returns the number of sectors in which there is such a way.
     fn agree_in_sectors(&self, part: &SkinPart, sectors: &[SkinGap]) -> usize {
         let centre = self.tool_at_end().0;
         let positions = self.positions();
@@ -298,7 +297,7 @@ impl Given {
         for (index, got) in sectors.iter().enumerate().filter(|(index, _)| *index != SECTORS / 2) {
             let sector = [index / 9, index / 3 % 3, index % 3].map(|digit| digit as i32 - 1);
             let own = planes.iter().filter(|way| is_clear(way) && oracle::sector_of(way.along.normalize()) == sector);
-            let most = own.filter(|way| size(way.triangle) < limit).map(|way| way.along.length());
+            let most = own.map(|way| size(way.triangle)).filter(|size| *size < limit);
             let most = most.fold(f64::INFINITY, f64::min);
             found += usize::from(most < f64::INFINITY);
             if got.triangle == NONE {
@@ -306,8 +305,9 @@ impl Given {
                 continue;
             }
             let way = vector(got.way);
-            assert!(way.length() < most + TILTED, "{got:?} in sector {sector:?}; there is a way of {most} m");
             let mut same = planes.iter().filter(|way| indices[way.triangle] == got.triangle);
+            let nearest = same.clone().map(|way| size(way.triangle)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < most + CLOSE, "{got:?} in sector {sector:?} is {nearest} m away; a triangle is {most} m");
             assert!(
                 same.any(|known| known.along.distance(way) < TILTED),
                 "{got:?} is no way to its triangle's plane: {:?}",
