@@ -20,5 +20,6 @@ pub mod servo_thread;
 pub mod session;
 pub mod velocity;
 pub mod virtual_time;
+mod walls;
 
 pub use device::{Device, Fault, Reading};

@@ -674,12 +674,14 @@ mod told {
         }
     }
 
-    /// Hollows and creases in a sheet of 9,800 triangles, which has several parts: wherever a sphere is moved to by 8 mm, it
-    /// is in no wall of a step before unless it touches the sheet; in a crease of 40 degrees each side has its gap.
+    /// Hollows and creases in a sheet of 9,800 triangles: wherever a sphere is moved to by 8 mm, it is in no wall of the
+    /// step before unless it touches the sheet, within 0.3 mm; in a crease of 40 degrees each side has its gap.
     #[test]
     fn walls_are_where_a_hollow_is() {
         let folder = tempfile::tempdir().unwrap();
-        let shapes: [(&str, fn(f64, f64) -> f64, usize); 4] = [
+        // Name, height of the sheet, and number of gaps over its middle; 0: any.
+        type Height = fn(f64, f64) -> f64;
+        let shapes: [(&str, Height, usize); 4] = [
             ("flat", |_, _| 0.0, 1),
             ("bowl", |x, z| (x * x + z * z) / 0.06, 0),
             ("crease of 20 degrees", |x, _| 0.176 * x.abs(), 1),
@@ -742,10 +744,7 @@ mod told {
                         let depths = wrench.gaps().map(|gap| -gap.distance - gap.normal.dot(moved));
                         let depth = depths.fold(f64::NEG_INFINITY, f64::max);
                         let free = clearance(tool.position + moved);
-                        assert!(
-                            depth < 3e-4 || free < depth.min(0.0) + 3e-4,
-                            "{name}: {depth} m in a wall, {free} m free"
-                        );
+                        assert!(depth < 3e-4 || free < 3e-4, "{name}: {depth} m in a wall, {free} m free");
                     }
                 }
             }
