@@ -86,10 +86,12 @@ shared vec3 middles[SHARE];
 shared vec3 spreads[SHARE];
 shared float partial[SIZE];
 shared Way ways[SIZE];
+shared uint known;      // a bit for each sector in which an invocation found a way
 
 // The tool's rotation at the end of the step, and the ways that this invocation found, one for each sector.
 vec4 tool_turn;
 Way fronts[SECTORS];
+uint found = 0;
 
 float[6] change_of(uint rigid) { return iterates[solve.current * RIGIDS + rigid].x; }
 
@@ -263,7 +265,10 @@ void consider(vec3 a, vec3 b, vec3 c, float sign, uint triangle, uint vertex, in
             // The skin of a hollow goes on beside the triangle, about in its plane.
             way.along = height / square * n;
             uint sector = sector_of(rotate(tool_turn, -inversesqrt(square) * n));
-            if (is_shorter(way, fronts[sector])) fronts[sector] = way;
+            if (is_shorter(way, fronts[sector])) {
+                fronts[sector] = way;
+                found |= 1u << sector;
+            }
         }
     } else {
         back = min(back, way.size);
@@ -412,8 +417,13 @@ void main() {
         look_at(chunks[part.chunk_first + next], next, place, tool, limit, back);
     }
     back = workgroup_min(back);
+    if (lane == 0) known = 1u << SHORTEST;
+    barrier();
+    atomicOr(known, found);
+    barrier();
     for (uint s = 0; s < SECTORS; s++) {
-        Way front = shortest(fronts[s]);
+        Way front = Way(vec3(0.0), REACH, NONE, NONE);
+        if ((known >> s & 1u) != 0) front = shortest(fronts[s]);
         if (lane == 0) {
             vec3 along = rotate(tool.rotation, front.along);
             gaps[gl_WorkGroupID.x * SECTORS + s] = SkinGap(along, front.triangle, back);

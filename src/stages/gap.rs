@@ -27,8 +27,8 @@ const SHARE: [usize; 2] = [64, 8];
 /// Sectors of directions in each of which a way from a spherical tool is found, and one for the shortest way.
 pub const SECTORS: usize = 27;
 /// Ways that are longer than the shortest one of their part by at most this are found in all sectors, m: a fast hand
-/// moves so far while a slow step is done.
-pub const MARGIN: f64 = 0.01;
+/// moves so far while a step of 30 ms is done.
+pub const MARGIN: f64 = 0.006;
 
 /// The kernel of the gap pass and its arrays.
 pub struct Gap {
