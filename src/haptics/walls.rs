@@ -39,9 +39,9 @@ pub struct Walls {
 /// Greatest number of Newton's steps for the set of walls that press, and of halvings of a step. The energy is convex and
 /// piecewise quadratic, so that few are needed.
 const MOST_SETS: usize = 40;
+const MOST_HALVINGS: usize = 30;
 /// A step that is shorter than this share of the displacement is left out.
 const SETTLED: f64 = 1e-12;
-const MOST_HALVINGS: usize = 30;
 
 impl Walls {
     /// No walls.

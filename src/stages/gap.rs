@@ -1,7 +1,7 @@
 //! Gap pass, a part of the wrench stage: finds the shortest way from a rigid tool to the skins (surface meshes) that the
-//! tool may touch, in steps of a haptic loop, and for a spherical tool one in each of several sectors of directions. A skin is searched in parts, each by one workgroup. A part is up to
-//! 64 chunks (groups of at most 64 skin vertices with their triangles) of one collision proxy (convex hull that covers
-//! some of the skin).
+//! tool may touch, in steps of a haptic loop, and for a spherical tool one in each of several sectors of directions. A
+//! skin is searched in parts, each by one workgroup. A part is up to 64 chunks (groups of at most 64 skin vertices with
+//! their triangles) of one collision proxy (convex hull that covers some of the skin).
 
 use std::sync::Arc;
 

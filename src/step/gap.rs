@@ -46,10 +46,11 @@ impl Simulation {
         if model.tool_frame.is_none() {
             return Ok(Vec::new());
         }
-        let (is_within, mut near) = self.skin_gaps()?;
+        let (is_within, nearest, mut others) = self.skin_gaps()?;
         if is_within {
             return Ok(Vec::new());
         }
+        let mut nearest = Vec::from_iter(nearest);
         for (index, plane) in model.pair_planes.iter().enumerate().filter(|(i, _)| model.pairs[*i].tool_sign != 0.0) {
             let (Some(plane), Some(tool)) = (plane, &self.tool) else { continue };
             let lowest = match model.tool_sphere {
@@ -60,36 +61,35 @@ impl Simulation {
                 }
             };
             let distance = plane.normal.dot(tool.centre) - plane.offset + lowest;
-            near.extend(self.within_range(index, plane.normal, distance));
+            nearest.extend(self.within_range(index, plane.normal, distance));
         }
-        near.sort_by(|a, b| a.distance.total_cmp(&b.distance));
-        Ok(told_apart(near))
+        nearest.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        others.extend(nearest.iter().skip(1));
+        others.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        Ok(told_apart(nearest.into_iter().take(1).chain(others)))
     }
 
     /// Whether the tool is within a body (a sphere by its centre, another tool by any point of its surface); if not, the
-    /// gaps to the parts of skins, the shortest first.
-    fn skin_gaps(&self) -> Result<(bool, Vec<Gap>)> {
-        let Some(stage) = &self.stages.gap else { return Ok((false, Vec::new())) };
+    /// shortest gap to a skin, and the gaps to planes of the skins in other directions, which may be shorter than that: a
+    /// bump of the skin ends before its planes do.
+    fn skin_gaps(&self) -> Result<(bool, Option<Gap>, Vec<Gap>)> {
+        let Some(stage) = &self.stages.gap else { return Ok((false, None, Vec::new())) };
         let found = stage.gaps.mapped::<SkinGap>()?;
         let back = found.iter().map(|gap| f64::from(gap.back)).fold(f64::INFINITY, f64::min);
         let ways = found.iter().zip(&stage.entries).filter(|(gap, _)| gap.triangle != NONE);
-        let mut ways: Vec<_> = ways.map(|(gap, entry)| (DVec3::from(gap.way.map(f64::from)), gap, *entry)).collect();
+        let ways = ways.map(|(gap, entry)| (DVec3::from(gap.way.map(f64::from)), gap.triangle, *entry));
+        let (of_parts, of_planes): (Vec<_>, Vec<_>) = ways.partition(|(_, _, (_, is_shortest))| *is_shortest);
         // Where several triangles are equally near to the tool, the one with the lowest index counts.
-        ways.sort_by(|(a, one, _), (b, two, _)| {
-            a.length().total_cmp(&b.length()).then(one.triangle.cmp(&two.triangle))
-        });
-        let shortest = ways.first().map_or(f64::from(GAP_FAR), |(along, ..)| along.length());
-        if back < (1.0 - ROUNDING) * shortest {
-            return Ok((true, Vec::new()));
+        let shortest =
+            of_parts.into_iter().min_by(|(a, t, _), (b, u, _)| a.length().total_cmp(&b.length()).then(t.cmp(u)));
+        if back < (1.0 - ROUNDING) * shortest.map_or(f64::from(GAP_FAR), |(along, ..)| along.length()) {
+            return Ok((true, None, Vec::new()));
         }
         let radius = self.model.tool_sphere.unwrap_or(0.0);
-        // The shortest way of a part may end at the part's border: only the shortest of all is sure to be a gap.
-        let counts = ways.iter().enumerate().filter(|(i, (_, _, (_, is_shortest)))| *i == 0 || !is_shortest);
-        let gaps = counts.filter_map(|(_, (along, _, (pair, _)))| {
-            let normal = -along.try_normalize()?;
-            self.within_range(*pair, normal, along.length() - radius)
-        });
-        Ok((false, gaps.collect()))
+        let gap = |(along, _, (pair, _)): (DVec3, u32, (usize, bool))| {
+            self.within_range(pair, -along.try_normalize()?, along.length() - radius)
+        };
+        Ok((false, shortest.and_then(gap), of_planes.into_iter().filter_map(gap).collect()))
     }
 
     /// A gap of this distance (m), or `None` where the distance is beyond the range of the search. The distance is
@@ -108,7 +108,7 @@ impl Simulation {
 }
 
 /// The first of some gaps, and those in other directions than the ones before them.
-fn told_apart(gaps: Vec<Gap>) -> Vec<Gap> {
+fn told_apart(gaps: impl Iterator<Item = Gap>) -> Vec<Gap> {
     let mut kept: Vec<Gap> = Vec::new();
     for gap in gaps {
         if kept.len() <= FARTHER && kept.iter().all(|other| other.normal.dot(gap.normal) <= APART) {

@@ -674,15 +674,17 @@ mod told {
         }
     }
 
-    /// Hollows and creases in a sheet of 9,800 triangles: wherever a sphere is moved to by 8 mm, it is in no wall of the
-    /// step before unless it touches the sheet, within 0.3 mm; in a crease of 40 degrees each side has its gap.
+    /// A bump, hollows and creases in a sheet of 9,800 triangles: the first gap is the way to the nearest place. Wherever a
+    /// sphere over hollows and creases is moved to by 8 mm, it is in no wall of the step before unless it touches the
+    /// sheet, within 0.3 mm; in a crease of 40 degrees each side has its gap.
     #[test]
     fn walls_are_where_a_hollow_is() {
         let folder = tempfile::tempdir().unwrap();
         // Name, height of the sheet, and number of gaps over its middle; 0: any.
         type Height = fn(f64, f64) -> f64;
-        let shapes: [(&str, Height, usize); 4] = [
+        let shapes: [(&str, Height, usize); 5] = [
             ("flat", |_, _| 0.0, 1),
+            ("bump", |x, z| -(x * x + z * z) / 0.06, 1),
             ("bowl", |x, z| (x * x + z * z) / 0.06, 0),
             ("crease of 20 degrees", |x, _| 0.176 * x.abs(), 1),
             ("crease of 40 degrees", |x, _| 0.364 * x.abs(), 2),
@@ -709,9 +711,9 @@ mod told {
             let below = (count + 1) * (count + 1);
             for vertex in &rim {
                 let (i, k) = ((vertex - 1) / (count + 1), (vertex - 1) % (count + 1));
-                text.push_str(&format!("v {} -0.02 {}\n", at_grid(i), at_grid(k)));
+                text.push_str(&format!("v {} -0.1 {}\n", at_grid(i), at_grid(k)));
             }
-            text.push_str("v 0 -0.02 0\n");
+            text.push_str("v 0 -0.1 0\n");
             let middle = below + rim.len() + 1;
             for (k, vertex) in rim.iter().enumerate() {
                 let (next, own) = ((k + 1) % rim.len(), below + k + 1);
@@ -736,9 +738,15 @@ mod told {
                 let mut tool = at(x, height(x, z) + 0.02, z);
                 tool.position.y -= clearance(tool.position) - 0.002;
                 let wrench = step(&mut simulation, tool);
-                assert!(wrench.gap.is_some(), "{name}: no gap at {}", tool.position);
+                let nearest = wrench.gap.unwrap_or_else(|| panic!("{name}: no gap at {}", tool.position));
+                let free = clearance(tool.position);
+                assert!((nearest.distance - free).abs() < 1e-4, "{name}: {nearest:?}, {free} m are free");
                 let found = wrench.gaps().count();
                 assert!(want == 0 || found == want || (x != 0.0 && found <= want), "{name}: {found} gaps at {x}, {z}");
+                // The wall over a bump is the plane at its top, which the skin falls away from.
+                if name == "bump" {
+                    continue;
+                }
                 for (sine, cosine) in (0..24).map(|k| (0.2618 * f64::from(k)).sin_cos()) {
                     for moved in [DVec3::new(sine, 0.0, cosine), DVec3::new(sine, -0.3, cosine)].map(|d| 0.008 * d) {
                         let depths = wrench.gaps().map(|gap| -gap.distance - gap.normal.dot(moved));
