@@ -178,7 +178,7 @@ impl Simulation {
         self.max_force = f64::INFINITY;
         let row = row?;
         if let Some(wrench) = &mut self.last_wrench {
-            wrench.time = input.time;
+            (wrench.time, wrench.h) = (input.time, h);
             wrench.has_kinematic_motion = self.frames.has_kinematic_motion(time - h, time);
         }
         Ok(row)

@@ -1,15 +1,22 @@
-//! Compliance of the touched body, which the haptic loop learns from successive contact wrenches.
+//! Compliance of the touched body, which the haptic loop learns from successive contact wrenches, and the damping of
+//! that body.
 //!
 //! The stiffness that a wrench reports is that of the contact alone, with the body held still. The body yields as well,
 //! so what is felt are two springs in series, 1 / K_felt = 1 / K + c, with the contact's stiffness K along the force
 //! and the body's compliance c. From one wrench to the next the tool advances by d against the force, and the force
 //! grows by df; hence c = d / df - 1 / K, a secant as in quasi-Newton methods (C. Broyden, "A class of methods for
-//! solving nonlinear simultaneous equations", 1965). It contains whatever the body did in that time: elasticity,
-//! damping, inertia and a growing area of contact.
+//! solving nonlinear simultaneous equations", 1965).
+//!
+//! The body is a Kelvin-Voigt element: beside its spring 1 / c is a damper tau / c, with the retardation time tau of
+//! its material. In steady motion the body takes the share c K_felt of the tool's velocity, so that a damper of tau c
+//! K_felt^2 is felt. The damper's part of df is left out of the secant, which still contains inertia and a growing area
+//! of contact.
 
 use glam::DVec3;
+use nalgebra::Vector6;
 
-use super::local_model::slope;
+use super::local_model::{along, in_series, slope, vector};
+use super::walls::Penalty;
 use crate::step::trajectory::rotation_vector;
 use crate::step::{ContactWrench, Gap, Wrench};
 
@@ -26,14 +33,13 @@ const SOFTEST: f64 = 0.02;
 /// A sample counts as at most this many times the known compliance, or as the estimate or the compliance of the contact
 /// where that is more, since a single sample may be far off.
 const MOST_GROWTH: f64 = 1.5;
-/// The secant of a force that grows with the depth to this power, as between a sphere and a half-space (H. Hertz 1882),
-/// is the tangent divided by this number.
-const HERTZ: f64 = 1.5;
-
+/// Where the tool's velocity changes from one step to the next by as much as this time goes into the way of a sample,
+/// s, the sample has half of its weight: inertia, and waves in the body.
+const UNSTEADY: f64 = 0.01;
 /// Motions longer than this between two wrenches are jumps, m.
 const FARTHEST: f64 = 0.03;
 
-/// What is known of the touched body's compliance.
+/// What is known of the touched body.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Compliance {
     /// Compliance, m/N; 0 where the body does not yield or nothing is known yet.
@@ -43,12 +49,29 @@ pub struct Compliance {
     /// The estimate that came with the last gap, m/N, and the pair of tool and body that the gap belongs to.
     estimate: f64,
     pair: Option<u32>,
+    /// Retardation time of the body, s: its damping over its stiffness.
+    retardation: f64,
+    /// Mean twist of the tool in the newest step, as far as it was in contact: the motion that the body followed.
+    /// `None` where that is not known.
+    twist: Option<Vector6<f64>>,
 }
 
 impl Compliance {
     /// The body's compliance, m/N.
     pub fn value(&self) -> f64 {
         self.value
+    }
+
+    /// The body's own damping, N s/m, where it is felt with this stiffness (N/m). It goes with the square of the
+    /// stiffness, also where that is a matrix.
+    pub fn damping(&self, felt: f64) -> f64 {
+        self.retardation * self.value * felt * felt
+    }
+
+    /// The motion that the body followed in the newest step: the tool's mean twist, less the way to the body. `None`
+    /// where that is not known.
+    pub fn twist(&self) -> Option<Vector6<f64>> {
+        self.twist
     }
 
     /// Learns from two successive wrenches; a rotation counts as a displacement at the lever `arm` (m). Motions that
@@ -60,6 +83,7 @@ impl Compliance {
         {
             *self = Compliance::estimate_of(&gap);
         }
+        let before = self.twist.take();
         let Some(after) = new.contact_normal() else { return };
         let moved = new.tool.position - last.tool.position;
         let turned = rotation_vector(new.tool.orientation * last.tool.orientation.conjugate());
@@ -67,42 +91,101 @@ impl Compliance {
         if way > FARTHEST || new.has_kinematic_motion {
             return;
         }
-        let of = |direction: &DVec3, wrench: &ContactWrench| slope(direction, &wrench.stiffness_matrix());
+        let twist = (new.h > 0.0).then(|| vector(moved, turned) / new.h);
         if last.wrench == Wrench::ZERO {
-            // The first wrench of a contact: the tool has gone through the gap and then some way into the body.
-            let met = last.gap_along(after);
-            if let Some(gap) = met.filter(|gap| self.pair != Some(gap.pair)) {
-                *self = Compliance::estimate_of(gap);
-            }
-            let depth = met.map_or(0.0, |gap| -gap.normal.dot(moved) - gap.distance);
-            if !self.is_learned && depth > 0.0 {
-                self.take(MOST_WEIGHT, of(&after, new), HERTZ * after.dot(new.wrench.force) / depth);
-            }
+            self.learn_first(last, new, &after, &moved, twist);
+        } else {
+            self.twist = twist;
+            self.learn_next(last, new, &moved, way, before);
+        }
+    }
+
+    /// Learns from the first wrench of a contact: the tool has gone through the gap and then some way into the body.
+    fn learn_first(
+        &mut self,
+        last: &ContactWrench,
+        new: &ContactWrench,
+        normal: &DVec3,
+        moved: &DVec3,
+        twist: Option<Vector6<f64>>,
+    ) {
+        let Some(gap) = last.gap_along(*normal) else { return };
+        if self.pair != Some(gap.pair) {
+            *self = Compliance::estimate_of(gap);
+        }
+        let gone = -gap.normal.dot(*moved);
+        let depth = gone - gap.distance;
+        if gone <= 0.0 || depth <= 0.0 {
             return;
         }
-        let Some(before) = last.contact_normal() else { return };
-        let (advanced, grown) = (-before.dot(moved), before.dot(new.wrench.force - last.wrench.force));
+        self.twist = twist.map(|twist| (depth / gone).min(1.0) * twist);
+        let stiffness = slope(normal, &new.stiffness_matrix());
+        let force = normal.dot(new.wrench.force) - self.resisted(stiffness, normal, self.twist);
+        if self.is_learned || force <= 0.0 {
+            return;
+        }
+        let yielded = (depth - Penalty::of(gap).depth(force)).max(0.0) / force;
+        self.take(unsteady(normal, self.twist, depth), stiffness, 1.0 / (yielded + 1.0 / stiffness));
+    }
+
+    /// Learns from a wrench in contact that follows another one. `before`: the motion that the body followed then.
+    fn learn_next(
+        &mut self,
+        last: &ContactWrench,
+        new: &ContactWrench,
+        moved: &DVec3,
+        way: f64,
+        before: Option<Vector6<f64>>,
+    ) {
+        let (Some(normal), Some(after)) = (last.contact_normal(), new.contact_normal()) else { return };
+        let of = |normal: &DVec3, wrench: &ContactWrench| slope(normal, &wrench.stiffness_matrix());
+        let stiffness = 0.5 * (of(&normal, last) + of(&after, new));
+        let change = self.twist.zip(before).map(|(twist, before)| twist - before);
+        let advanced = -normal.dot(*moved);
+        let grown = normal.dot(new.wrench.force - last.wrench.force) - self.resisted(stiffness, &normal, change);
         if advanced * grown <= 0.0 || advanced.abs() < ADVANCES * way {
             return;
         }
         let share = TELLING * after.dot(new.wrench.force) / grown;
-        self.take(MOST_WEIGHT / (1.0 + share * share), 0.5 * (of(&before, last) + of(&after, new)), grown / advanced);
+        let uncertain = share * share + unsteady(&normal, change, advanced);
+        self.take(uncertain, stiffness, grown / advanced);
+    }
+
+    /// The force along the normal, N, by which the body's damper opposes a twist or a change of it.
+    fn resisted(&self, stiffness: f64, normal: &DVec3, twist: Option<Vector6<f64>>) -> f64 {
+        let speed = twist.map_or(0.0, |twist| -along(normal, &twist));
+        self.damping(in_series(stiffness, self.value)) * speed
     }
 
     /// What is known of a body before it is touched.
     fn estimate_of(gap: &Gap) -> Compliance {
-        Compliance { value: gap.compliance, is_learned: false, estimate: gap.compliance, pair: Some(gap.pair) }
+        let Gap { compliance, retardation, pair, .. } = *gap;
+        Compliance {
+            value: compliance,
+            is_learned: false,
+            estimate: compliance,
+            pair: Some(pair),
+            retardation,
+            twist: None,
+        }
     }
 
-    /// Takes a sample of the stiffness that is felt, N/m, at a contact of the given stiffness.
-    fn take(&mut self, weight: f64, stiffness: f64, felt: f64) {
+    /// Takes a sample of the stiffness that is felt, N/m, at a contact of the given stiffness. A sample that is
+    /// uncertain by 1 has half of the weight of a certain one.
+    fn take(&mut self, uncertain: f64, stiffness: f64, felt: f64) {
         let most = (MOST_GROWTH * self.value).max(self.estimate).max(1.0 / stiffness);
         let sample = (1.0 / felt.max(SOFTEST * stiffness) - 1.0 / stiffness).max(0.0).min(most);
-        let value = self.value + weight * (sample - self.value);
+        let value = self.value + MOST_WEIGHT / (1.0 + uncertain) * (sample - self.value);
         if stiffness > 0.0 && value.is_finite() {
             (self.value, self.is_learned) = (value, true);
         }
     }
+}
+
+/// How uncertain a sample is whose twist along the normal changed by this while the tool advanced by `way`, m.
+fn unsteady(normal: &DVec3, change: Option<Vector6<f64>>, way: f64) -> f64 {
+    let share = change.map_or(0.0, |change| UNSTEADY * along(normal, &change) / way);
+    share * share
 }
 
 #[cfg(test)]
@@ -130,8 +213,8 @@ mod tests {
     }
 
     fn above(distance: f64, compliance: f64) -> ContactWrench {
-        let gap =
-            Gap { normal: DVec3::Y, distance, stiffness: CONTACT, compliance, pair: u32::from(compliance == 0.0) };
+        let pair = u32::from(compliance == 0.0);
+        let gap = Gap { compliance, pair, ..Gap::rigid(DVec3::Y, distance, CONTACT) };
         ContactWrench { gap: Some(gap), ..at(-distance, 0.0, BODY) }
     }
 
@@ -161,6 +244,42 @@ mod tests {
         assert!((known.value() * 100.0 - 1.0).abs() < 0.01, "compliance {} m/N", known.value());
         // A body that does not yield at all.
         assert!(pressed(1e12).value() < 1e-9);
+    }
+
+    /// A body with a damper beside its spring, pressed in quickly, at rest, and let go quickly: with the retardation
+    /// time its compliance is learned to a few per cent, and the tool's mean velocity is known; without it a body that
+    /// is stiffer by far is learned from the ends of the motions.
+    #[test]
+    fn a_damper_beside_the_spring_is_told_apart_from_it() {
+        let (retardation, took) = (4e-3, 0.01);
+        let felt = 1.0 / (1.0 / CONTACT + 1.0 / BODY);
+        let damping = retardation / BODY * felt * felt;
+        let depths = [1.0, 1.0, 2.2, 3.4, 4.6, 4.6, 4.61, 4.6, 4.6, 3.4];
+        let wrenches: Vec<ContactWrench> = (1..depths.len())
+            .map(|k| {
+                let [last, depth] = [depths[k - 1], depths[k]].map(|depth: f64| 1e-3 * depth);
+                let mut wrench = ContactWrench { h: took, ..at(depth, 0.0, BODY) };
+                wrench.wrench.force += damping * (depth - last) / took * DVec3::Y;
+                wrench
+            })
+            .collect();
+        let learned = |retardation: f64| {
+            let mut known = Compliance::default();
+            let near = Gap { retardation, ..above(1e-3, 1.0 / BODY).gap.unwrap() };
+            let before = ContactWrench { gap: Some(near), ..above(1e-3, 1.0 / BODY) };
+            known.learn(&before, &before, ARM);
+            known.learn(&wrenches[0], &wrenches[0], ARM);
+            for pair in wrenches.windows(2) {
+                known.learn(&pair[0], &pair[1], ARM);
+                let mean = (pair[1].tool.position - pair[0].tool.position) / took;
+                assert!((known.twist().unwrap() - vector(mean, DVec3::ZERO)).norm() < 1e-12);
+                if retardation > 0.0 {
+                    assert!((known.value() * BODY - 1.0).abs() < 0.05, "compliance {} m/N", known.value());
+                }
+            }
+            known.value() * BODY
+        };
+        assert!((learned(retardation) - 1.0).abs() < 0.01 && (learned(0.0) - 1.0).abs() > 0.05);
     }
 
     #[test]
@@ -227,26 +346,26 @@ mod tests {
     #[test]
     fn before_contact_the_estimate_counts_until_the_first_touch_tells_more() {
         let mut known = Compliance::default();
-        known.learn(&at(-2e-3, 0.0, BODY), &above(1e-3, 2e-3), ARM);
-        assert_eq!(known.value(), 2e-3);
-        // The first wrench is at a depth of 1 mm. Its secant is taken for that of Hertz's law, 2/3 of the tangent.
-        known.learn(&above(1e-3, 2e-3), &at(1e-3, 0.0, BODY), ARM);
-        let first = 1.0 / (1.5 / (1.0 / CONTACT + 1.0 / BODY)) - 1.0 / CONTACT;
-        assert!((known.value() - (0.2 * 2e-3 + 0.8 * first)).abs() < 1e-12);
+        known.learn(&at(-3e-3, 0.0, BODY), &above(1e-3, 3e-3), ARM);
+        assert_eq!(known.value(), 3e-3);
+        // The first wrench is at a depth of 1 mm, of which its force leaves the body's part.
+        known.learn(&above(1e-3, 3e-3), &at(1e-3, 0.0, BODY), ARM);
+        let first = 1.0 / BODY;
+        assert!((known.value() - (0.2 * 3e-3 + 0.8 * first)).abs() < 1e-12);
         // What was learned outlasts the contact, but not the way to another body.
         let learned = known;
-        known.learn(&at(1e-3, 0.0, BODY), &above(1e-3, 2e-3), ARM);
+        known.learn(&at(1e-3, 0.0, BODY), &above(1e-3, 3e-3), ARM);
         assert_eq!(known, learned);
-        known.learn(&above(1e-3, 2e-3), &above(1e-3, 0.0), ARM);
+        known.learn(&above(1e-3, 3e-3), &above(1e-3, 0.0), ARM);
         assert_eq!(known.value(), 0.0);
         // What is touched need not be what was nearest: the first touch tells of the body in that direction.
-        let [soft, hard] = [2e-3, 0.0].map(|compliance| above(1e-3, compliance).gap.unwrap());
+        let [soft, hard] = [3e-3, 0.0].map(|compliance| above(1e-3, compliance).gap.unwrap());
         let beside = ContactWrench {
             gap: Some(Gap { normal: DVec3::X, distance: 5e-4, ..hard }),
             farther: [Some(soft), None, None, None, None],
             ..above(1e-3, 0.0)
         };
         known.learn(&beside, &at(1e-3, 0.0, BODY), ARM);
-        assert!((known.value() - (0.2 * 2e-3 + 0.8 * first)).abs() < 1e-12 && known.pair == Some(soft.pair));
+        assert!((known.value() - (0.2 * 3e-3 + 0.8 * first)).abs() < 1e-12 && known.pair == Some(soft.pair));
     }
 }

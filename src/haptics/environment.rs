@@ -72,6 +72,7 @@ impl Environment for Wall {
         let mut wrench = ContactWrench {
             step: self.steps,
             time: input.time,
+            h,
             wrench: Wrench { force: DVec3::Y * push, torque: DVec3::ZERO },
             pressing: push,
             ..ContactWrench::none(tool.state())
@@ -80,7 +81,7 @@ impl Environment for Wall {
             (wrench.stiffness[1][1], wrench.damping[1][1]) = (self.stiffness, self.damping);
         } else if self.tells_gap {
             let distance = tool.centre.y.max(0.0);
-            wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.stiffness, compliance: 0.0, pair: 0 });
+            wrench.gap = Some(Gap::rigid(DVec3::Y, distance, self.stiffness));
         }
         Ok(wrench)
     }
@@ -178,6 +179,7 @@ impl Environment for Cushion {
         let mut wrench = ContactWrench {
             step: self.steps,
             time: input.time,
+            h,
             wrench: Wrench { force: DVec3::Y * push, torque: DVec3::ZERO },
             pressing: push,
             has_kinematic_motion,
@@ -189,7 +191,7 @@ impl Environment for Cushion {
             let distance = self.tool.centre.y - self.surface[0];
             // Half of the true compliance: the estimate of a simulation's gap is a lower bound for thick bodies, too.
             let compliance = 0.5 / self.stiffness;
-            wrench.gap = Some(Gap { normal: DVec3::Y, distance, stiffness: self.penalty, compliance, pair: 0 });
+            wrench.gap = Some(Gap { compliance, ..Gap::rigid(DVec3::Y, distance, self.penalty) });
         }
         Ok(wrench)
     }

@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::compliance::Compliance;
-use super::local_model::{Evaluation, LocalModel, Tangent, along};
+use super::local_model::{Evaluation, LocalModel, Tangent, along, linear};
 use super::passivity::Passivity;
 use crate::step::{ContactWrench, RigidState, Wrench};
 
@@ -17,10 +17,15 @@ use crate::step::{ContactWrench, RigidState, Wrench};
 const KINEMATIC_POWER: f64 = 0.1;
 
 /// The energy of a local model counts as paid although the hand gave less by this share of it, and by this much more in
-/// J: the model counts the body's damping as elasticity, and what damping took the hand does not get back. If it does
-/// get it, the passivity controller acts where the force is played.
+/// J: damping that the model does not know counts as elasticity, and what damping took the hand does not get back. If
+/// it does get it, the passivity controller acts where the force is played.
 const LOST_SHARE: f64 = 0.1;
 const LOST: f64 = 4e-5;
+
+/// Walls foresaw a force if theirs differs from it by less than this share of the greater one, and along theirs it is
+/// at most this many times as great: the first force of a fast press is too small rather than too great.
+const FORESEEN: f64 = 0.75;
+const MOST_FORESEEN: f64 = 1.3;
 
 /// How local models are made and blended.
 #[derive(Debug, Clone, Copy)]
@@ -117,36 +122,52 @@ impl Followed {
         // because it determines where contact begins again: a bouncing tool may touch again before the next wrench.
         let is_remembered =
             !model.has_contact() && self.to.has_contact() && self.to.evaluate(&wrench.tool).tangent == Tangent::zero();
-        if !is_remembered {
-            self.to = model;
+        let felt = if is_remembered { self.to } else { model };
+        if !self.is_foreseen(wrench) {
+            self.to = felt;
         }
         // The time before the first wrench is no interval to blend over.
         let interval = if self.newest.step > 0 { (time - self.taken).min(longest).max(0.0) } else { 0.0 };
         self.interval = if local_model { interval } else { 0.0 };
         self.share = 0.0;
-        self.most_lent = self.most_lent.max(self.opposed(tool));
-        self.credit = self.credit.max(self.unopposed(tool)).min((self.most_lent - lent).max(0.0));
+        self.most_lent = self.most_lent.max(self.opposed(&felt, tool));
+        self.credit = self.credit.max(self.unopposed(&felt, tool)).min((self.most_lent - lent).max(0.0));
         (self.newest, self.taken) = (*wrench, time);
         if wrench.wrench == Wrench::ZERO {
             (self.entered, self.most_lent) = (*wrench, 0.0);
         }
     }
 
+    /// Whether a wrench is the first one of a contact that the present model's walls foresaw: at the wrench's pose they
+    /// push with about its force, and it has little torque. Then the walls remain until the next wrench. The step that
+    /// finds a first contact starts with the body at rest and the tool deep in it: its force tells less of where the
+    /// body's surface is than the exact distances of the step before.
+    fn is_foreseen(&self, wrench: &ContactWrench) -> bool {
+        if self.newest.gap.is_none() || self.newest.wrench != Wrench::ZERO || wrench.has_kinematic_motion {
+            return false;
+        }
+        let foreseen = linear(&self.to.evaluate(&wrench.tool).tangent.force);
+        let Wrench { force, torque } = wrench.wrench;
+        (foreseen - force).length() < FORESEEN * foreseen.length().max(force.length())
+            && foreseen.dot(force) <= MOST_FORESEEN * foreseen.length_squared()
+            && torque.length() <= FORESEEN * self.rules.arm * force.length()
+    }
+
     /// The force by which the new model exceeds the force felt so far, times the way that the tool went against the
     /// contact's normal since the previous wrench, J; the way through the gap that this reported does not count.
-    fn unopposed(&self, tool: &RigidState) -> f64 {
-        let Some(normal) = self.to.normal(tool) else { return 0.0 };
+    fn unopposed(&self, new: &LocalModel, tool: &RigidState) -> f64 {
+        let Some(normal) = new.normal(tool) else { return 0.0 };
         let way = way_beyond(&self.newest, &normal, tool);
-        let [from, to] = [&self.from, &self.to].map(|model| along(&normal, &model.evaluate(tool).tangent.force));
+        let [from, to] = [&self.from, new].map(|model| along(&normal, &model.evaluate(tool).tangent.force));
         way.max(0.0) * (to - from).max(0.0)
     }
 
     /// The force of the new model times the way that the tool went against the contact's normal since it entered the
     /// contact, J.
-    fn opposed(&self, tool: &RigidState) -> f64 {
-        let Some(normal) = self.to.normal(tool) else { return 0.0 };
+    fn opposed(&self, new: &LocalModel, tool: &RigidState) -> f64 {
+        let Some(normal) = new.normal(tool) else { return 0.0 };
         let way = way_beyond(&self.entered, &normal, tool);
-        way.max(0.0) * along(&normal, &self.to.evaluate(tool).tangent.force).max(0.0)
+        way.max(0.0) * along(&normal, &new.evaluate(tool).tangent.force).max(0.0)
     }
 
     /// Advances the blend by `period` s, and returns whether the blend was held back. Energy that the newer model adds
@@ -213,7 +234,7 @@ mod tests {
         let at = |y: f64| RigidState::at_rest(DVec3::Y * y, DQuat::IDENTITY);
         let rules = Rules { local_model: true, arm: 0.01, trust: 4e-3, longest: 0.02 };
         let mut followed = Followed::new(rules, at(3e-3));
-        let gap = Gap { normal: DVec3::Y, distance: 3e-3, stiffness: 100.0, compliance: 0.0, pair: 0 };
+        let gap = Gap::rigid(DVec3::Y, 3e-3, 100.0);
         followed.take(&ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(3e-3)) }, 0.0, &at(3e-3), 0.0);
         let mut wrench = ContactWrench { step: 2, pressing: 1.1, ..ContactWrench::none(at(-1e-3)) };
         wrench.wrench.force = DVec3::Y * 1.1;
@@ -231,5 +252,42 @@ mod tests {
         let there = RigidState::at_rest(DVec3::new(-1.5e-3, -1e-3, 0.0), DQuat::IDENTITY);
         assert!((way_beyond(&before, &DVec3::Y, &there) - 1e-3).abs() < 1e-12);
         assert!((way_beyond(&before, &DVec3::X, &there) - 5e-4).abs() < 1e-12);
+    }
+
+    /// A wall foresaw 1.1 N at the end of the step. A first wrench of about that force leaves the wall, whose force is
+    /// felt until the next wrench; a first wrench of another direction, of far more or less force, with a torque, or of
+    /// a body that moves by itself replaces it, and so does the second wrench.
+    #[test]
+    fn a_first_wrench_that_was_foreseen_leaves_the_wall() {
+        let at = |y: f64| RigidState::at_rest(DVec3::Y * y, DQuat::IDENTITY);
+        let rules = Rules { local_model: true, arm: 0.01, trust: 8e-3, longest: 0.02 };
+        let gap = Gap::rigid(DVec3::Y, 1e-3, 1100.0);
+        let near = ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(1e-3)) };
+        let touched = |force: DVec3| {
+            let mut wrench = ContactWrench { step: 2, time: 0.02, pressing: 1.0, ..ContactWrench::none(at(-1e-3)) };
+            wrench.wrench.force = force;
+            wrench.stiffness[1][1] = 5000.0;
+            wrench
+        };
+        let after = |wrenches: &[ContactWrench]| {
+            let mut followed = Followed::new(rules, at(1e-3));
+            followed.take(&near, 0.0, &at(1e-3), 0.0);
+            wrenches.iter().for_each(|wrench| followed.take(wrench, wrench.time, &at(-1e-3), 0.0));
+            followed.to.evaluate(&at(-1e-3)).tangent.force[1]
+        };
+        for (force, is_foreseen) in
+            [(0.26, false), (0.29, true), (0.6, true), (1.42, true), (1.44, false), (9.0, false)]
+        {
+            let expected = if is_foreseen { 1.1 } else { force };
+            assert!((after(&[touched(force * DVec3::Y)]) - expected).abs() < 1e-12, "a first wrench of {force} N");
+        }
+        assert!(after(&[touched(DVec3::new(1.0, 0.1, 0.0))]) < 0.2);
+        let mut turned = touched(0.6 * DVec3::Y);
+        turned.wrench.torque = DVec3::X * 0.005;
+        assert!((after(&[turned]) - 0.6).abs() < 1e-12);
+        let moved = ContactWrench { has_kinematic_motion: true, ..touched(0.6 * DVec3::Y) };
+        assert!((after(&[moved]) - 0.6).abs() < 1e-12);
+        let second = ContactWrench { step: 3, time: 0.04, ..touched(0.7 * DVec3::Y) };
+        assert!((after(&[touched(0.6 * DVec3::Y), second]) - 0.7).abs() < 1e-12);
     }
 }

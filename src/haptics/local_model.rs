@@ -1,9 +1,9 @@
 //! The local contact model, a linear force law on the tool (the rigid body that the haptic device leads) which the
-//! haptic loop evaluates between two simulation steps: F = F0 - K (y - y0) - D (v - v0). F0 is the contact wrench
-//! (force, then torque; N, N m) that the newest step found, K and D are the contact's stiffness and damping, y0 and v0
-//! are the tool's pose and twist at that step, y and v its present pose and twist. K leaves out the soft body's own
-//! compliance (no Schur complement is formed), so K is the stiffness that the tool feels in the first moment and an
-//! upper bound of the stiffness that it feels later.
+//! haptic loop evaluates between two simulation steps: F = F0 - K (y - y0) - D (v - v0) - D_b (v - v_b). F0 is the
+//! contact wrench (force, then torque; N, N m) that the newest step found, K and D are the stiffness and damping of the
+//! contact in series with the body that yields (`compliance.rs`), y0 and v0 are the tool's pose and twist at that step,
+//! y and v its present pose and twist. D_b is the body's own damping, and v_b the tool's mean twist in the step, which
+//! the body followed.
 //!
 //! Similar models: M. Mahvash and V. Hayward, "High-fidelity haptic synthesis of contact with deformable bodies"
 //! (2004); M. Otaduy and M. Lin, "A modular haptic rendering algorithm for stable and transparent 6-DOF manipulation"
@@ -25,6 +25,8 @@ const SHORTEST_ARM: f64 = 1e-4;
 const LEAST_STIFF: f64 = 1e-3;
 /// Greatest number of iterations for the eigenvalues; about ten are usually needed.
 const MOST_ROUNDS: usize = 200;
+/// The body's damping takes at most this share of a wrench: it is reduced where the wrench leaves no room for it.
+const MOST_DAMPED: f64 = 0.5;
 
 /// A linear force law at one state of the tool: the wrench and its slopes. Vectors and matrices hold the linear part
 /// first, then the angular part. The wrench falls by K per displacement and by D per velocity.
@@ -47,19 +49,23 @@ impl Tangent {
 
 /// The local model made from one wrench: the gradient of a convex potential, plus damping.
 ///
-/// Let f = F0 + D v0 - K (y - y0) be the wrench for zero velocity, and C the pseudo-inverse of K. The potential is
-/// f . C f / 2: the energy that contact gives back until the tool leaves it. With p = sqrt(f . C f) the potential is
-/// quadratic in p up to a bound set by the trusted distance and linear beyond (P. Huber, "Robust estimation of a
-/// location parameter", 1964). So the force grows no further beyond the bound, and the hand gets back on its way out no
-/// more than it put in on its way in.
+/// Let f = F0 + D v0 + D_b v_b - K (y - y0) be the wrench for zero velocity, and C the pseudo-inverse of K. The
+/// potential is f . C f / 2: the energy that contact gives back until the tool leaves it. With p = sqrt(f . C f) the
+/// potential is quadratic in p up to a bound set by the trusted distance and linear beyond (P. Huber, "Robust
+/// estimation of a location parameter", 1964). So the force grows no further beyond the bound, and the hand gets back
+/// on its way out no more than it put in on its way in.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalModel {
     /// The tool's pose y0 and twist v0.
     tool: RigidState,
     /// The wrench F0 and the slopes K and D that are felt.
     at: Tangent,
-    /// The wrench at `tool`'s pose without its damping part: F0 + D v0.
+    /// The wrench at `tool`'s pose for zero velocity: F0 + D v0 + D_b v_b.
     at_rest: Vector6<f64>,
+    /// The body's own damping D_b.
+    body_damping: Matrix6<f64>,
+    /// The twist v_b that the body followed.
+    followed: Vector6<f64>,
     /// Pseudo-inverse C of the stiffness.
     compliance: Matrix6<f64>,
     /// Direction in which contact pushes the tool, if contact pushes from one side only.
@@ -138,12 +144,14 @@ pub struct Evaluation {
     pub stored: f64,
     /// Whether the state is beyond the trusted distance, where the force is smaller than it would be by K alone.
     pub is_beyond: bool,
+    /// The part of the damping that is the body's own.
+    pub body_damping: Matrix6<f64>,
 }
 
 impl Evaluation {
     /// The values of no contact: all zero.
     pub fn zero() -> Evaluation {
-        Evaluation { tangent: Tangent::zero(), stored: 0.0, is_beyond: false }
+        Evaluation { tangent: Tangent::zero(), stored: 0.0, is_beyond: false, body_damping: Matrix6::zeros() }
     }
 
     /// The sum of two evaluations, of different contacts at the same time.
@@ -153,7 +161,12 @@ impl Evaluation {
             stiffness: self.tangent.stiffness + other.tangent.stiffness,
             damping: self.tangent.damping + other.tangent.damping,
         };
-        Evaluation { tangent, stored: self.stored + other.stored, is_beyond: self.is_beyond || other.is_beyond }
+        Evaluation {
+            tangent,
+            stored: self.stored + other.stored,
+            is_beyond: self.is_beyond || other.is_beyond,
+            body_damping: self.body_damping + other.body_damping,
+        }
     }
 
     /// Blend of two evaluations: (1 - `share`) times this one plus `share` times the other.
@@ -164,8 +177,12 @@ impl Evaluation {
             stiffness: mix(self.tangent.stiffness, other.tangent.stiffness),
             damping: mix(self.tangent.damping, other.tangent.damping),
         };
-        let stored = self.stored * (1.0 - share) + other.stored * share;
-        Evaluation { tangent, stored, is_beyond: self.is_beyond || other.is_beyond }
+        Evaluation {
+            tangent,
+            stored: self.stored * (1.0 - share) + other.stored * share,
+            is_beyond: self.is_beyond || other.is_beyond,
+            body_damping: mix(self.body_damping, other.body_damping),
+        }
     }
 }
 
@@ -177,7 +194,7 @@ impl LocalModel {
     /// wall is the compliance of the body.
     pub fn new(wrench: &ContactWrench, body: &Compliance, arm: f64, trust: f64) -> LocalModel {
         if wrench.gap.is_some() && wrench.wrench == Wrench::ZERO {
-            return LocalModel { walls: Walls::of(wrench, body.value(), trust), ..LocalModel::raw(wrench) };
+            return LocalModel { walls: Walls::of(wrench, body, trust), ..LocalModel::raw(wrench) };
         }
         let arm = arm.max(SHORTEST_ARM);
         let contact = Spectrum::of(&wrench.stiffness, arm);
@@ -187,28 +204,33 @@ impl LocalModel {
         let force = vector(wrench.wrench.force, wrench.wrench.torque);
         let at = Tangent { force, stiffness: felt.matrix(), damping };
         let normal = wrench.normal().and(wrench.contact_normal());
-        LocalModel::with(wrench.tool, at, felt.inverse(), normal, trust * felt.greatest().sqrt(), friction)
+        let damped = |twist| bounded((felt.with_values(|k| body.damping(k), [1, 1]), twist), wrench);
+        let of_body = body.twist().map_or_else(undamped, damped);
+        LocalModel::with(wrench.tool, at, of_body, felt.inverse(), normal, trust * felt.greatest().sqrt(), friction)
     }
 
-    /// Makes a model about the pose of `tool`; the bound of p is the value of p there plus `growth`, square root of J.
+    /// Makes a model about the pose of `tool`, with the body's own damping and the twist that the body followed; the
+    /// bound of p is the value of p there plus `growth`, square root of J.
     fn with(
         tool: RigidState,
         at: Tangent,
+        (body_damping, followed): (Matrix6<f64>, Vector6<f64>),
         compliance: Matrix6<f64>,
         normal: Option<DVec3>,
         growth: f64,
         friction: Option<Friction>,
     ) -> LocalModel {
-        let at_rest = at.force + at.damping * vector(tool.velocity, tool.angular_velocity);
+        let at_rest = at.force + at.damping * vector(tool.velocity, tool.angular_velocity) + body_damping * followed;
         let presses = normal.is_none_or(|normal| along(&normal, &at_rest) > 0.0);
         let now = if presses { at_rest.dot(&(compliance * at_rest)).max(0.0).sqrt() } else { 0.0 };
-        LocalModel { tool, at, at_rest, compliance, normal, most: now + growth, friction, walls: Walls::none() }
+        let (most, walls) = (now + growth, Walls::none());
+        LocalModel { tool, at, at_rest, body_damping, followed, compliance, normal, most, friction, walls }
     }
 
     /// The model without K and D: the wrench stays the same whatever the tool does.
     pub fn raw(wrench: &ContactWrench) -> LocalModel {
         let at = Tangent { force: vector(wrench.wrench.force, wrench.wrench.torque), ..Tangent::zero() };
-        LocalModel::with(wrench.tool, at, Matrix6::zeros(), None, f64::INFINITY, None)
+        LocalModel::with(wrench.tool, at, undamped(), Matrix6::zeros(), None, f64::INFINITY, None)
     }
 
     /// Makes a model about this state of the tool, where it has the wrench and slopes of the given evaluation, and the
@@ -223,7 +245,9 @@ impl LocalModel {
         let growth = trust * spectrum.greatest().sqrt();
         // Damping and force of the evaluation contain what friction did there.
         let friction = like.friction.map(|friction| Friction { stuck: DVec3::ZERO, ..friction });
-        LocalModel::with(*tool, Tangent { stiffness, ..at }, spectrum.inverse(), normal, growth, friction)
+        let at = Tangent { stiffness, damping: at.damping - evaluation.body_damping, ..at };
+        let of_body = (evaluation.body_damping, vector(tool.velocity, tool.angular_velocity));
+        LocalModel::with(*tool, at, of_body, spectrum.inverse(), normal, growth, friction)
     }
 
     /// Wrench, slopes and potential at the tool's present state. Contact that the tool has left exerts no force: it
@@ -234,7 +258,7 @@ impl LocalModel {
             rotation_vector(tool.orientation * self.tool.orientation.conjugate()),
         );
         let contact = self.evaluate_contact(&moved, &vector(tool.velocity, tool.angular_velocity));
-        contact.and(&self.walls.evaluate(&moved))
+        contact.and(&self.walls.evaluate(&moved, &tool.velocity))
     }
 
     /// The values of the contact that the wrench had, for a tool that moved by a displacement from the model's pose.
@@ -247,13 +271,17 @@ impl LocalModel {
         let pushes = if is_beyond { at_rest - (1.0 - share) * (self.at.stiffness * strain) } else { at_rest };
         let free = || Tangent { force: self.at.damping * twist, ..self.at };
         let drag = self.friction.map_or_else(free, |friction| friction.drag(&self.at.damping, twist, &pushes));
-        if self.normal.is_some_and(|normal| self.has_let_go(&normal, &(at_rest - drag.force))) {
-            return Evaluation::zero();
+        let body_damping = share * share * self.body_damping;
+        let force = pushes - drag.force - body_damping * twist;
+        let stored = if is_beyond { self.most * (size - 0.5 * self.most) } else { 0.5 * size * size };
+        if self.normal.is_some_and(|normal| self.has_let_go(&normal, &force)) {
+            // Where only damping keeps the skin from following the tool, the body keeps its energy.
+            let presses = self.normal.is_some_and(|normal| along(&normal, &at_rest) > 0.0);
+            return Evaluation { stored: if presses { stored } else { 0.0 }, ..Evaluation::zero() };
         }
         let stiffness = if is_beyond { share * self.at.stiffness } else { self.at.stiffness };
-        let tangent = Tangent { force: pushes - drag.force, stiffness, damping: drag.damping };
-        let stored = if is_beyond { self.most * (size - 0.5 * self.most) } else { 0.5 * size * size };
-        Evaluation { tangent, stored, is_beyond }
+        let tangent = Tangent { force, stiffness, damping: drag.damping + body_damping };
+        Evaluation { tangent, stored, is_beyond, body_damping }
     }
 
     /// Whether there is contact, or a wall at the end of a gap.
@@ -274,19 +302,35 @@ impl LocalModel {
         slope(normal, &self.at.stiffness) > 0.0 && along(normal, force) <= 0.0
     }
 
-    /// The direction of the wrench's force, and the change of force (N) along this direction that K predicts for
-    /// another pose of the tool; for comparison with the change that is observed.
-    pub fn foretell(&self, tool: &RigidState) -> Option<(DVec3, f64)> {
+    /// The direction of the wrench's force, and the change of force (N) along this direction that stiffness and the
+    /// body's damping predict for another pose of the tool, to which the body followed it with the given twist, where
+    /// that is known; for comparison with the change that is observed.
+    pub fn foretell(&self, tool: &RigidState, twist: Option<Vector6<f64>>) -> Option<(DVec3, f64)> {
         let normal = linear(&self.at.force).try_normalize()?;
         let moved = tool.position - self.tool.position;
         let turned = rotation_vector(tool.orientation * self.tool.orientation.conjugate());
-        let change = self.at.stiffness * vector(moved, turned);
+        let change = self.at.stiffness * vector(moved, turned)
+            + twist.map_or_else(Vector6::zeros, |twist| self.body_damping * (twist - self.followed));
         Some((normal, -along(&normal, &change)))
     }
 }
 
+/// A body's damping and the twist that it followed, where the damping is reduced so that along the normal it takes at
+/// most [`MOST_DAMPED`] of a wrench.
+fn bounded((damping, followed): (Matrix6<f64>, Vector6<f64>), wrench: &ContactWrench) -> (Matrix6<f64>, Vector6<f64>) {
+    let Some(normal) = wrench.contact_normal() else { return undamped() };
+    let taken = along(&normal, &(damping * followed)).abs();
+    let most = MOST_DAMPED * normal.dot(wrench.wrench.force).abs();
+    (if taken > most { most / taken * damping } else { damping }, followed)
+}
+
+/// The damping of a body without damping, and the twist that it followed.
+fn undamped() -> (Matrix6<f64>, Vector6<f64>) {
+    (Matrix6::zeros(), Vector6::zeros())
+}
+
 /// Linear part of a 6-vector.
-fn linear(v: &Vector6<f64>) -> DVec3 {
+pub fn linear(v: &Vector6<f64>) -> DVec3 {
     DVec3::new(v[0], v[1], v[2])
 }
 
@@ -390,7 +434,12 @@ mod tests {
 
     /// A body of this compliance, m/N.
     fn yielding(compliance: f64) -> Compliance {
-        let gap = Gap { normal: DVec3::Y, distance: 1e-3, stiffness: 1.0, compliance, pair: 0 };
+        damped(compliance, 0.0)
+    }
+
+    /// A body of this compliance (m/N) and retardation time (s).
+    fn damped(compliance: f64, retardation: f64) -> Compliance {
+        let gap = Gap { compliance, retardation, ..Gap::rigid(DVec3::Y, 1e-3, 1.0) };
         let near = ContactWrench { gap: Some(gap), ..ContactWrench::none(at(0.0)) };
         let mut body = Compliance::default();
         body.learn(&ContactWrench::none(at(0.0)), &near, 0.01);
@@ -411,10 +460,79 @@ mod tests {
         wrench.stiffness[4][4] = 0.05;
         let tangent = LocalModel::new(&wrench, &yielding(1.0 / 250.0), 0.01, 1.0).evaluate(&at(0.0)).tangent;
         assert!((tangent.stiffness[(4, 4)] - 0.05 / 3.0).abs() < 1e-12);
-        let gap = Gap { normal: DVec3::Y, distance: 0.0, stiffness: 1000.0, compliance: 0.0, pair: 0 };
+        let gap = Gap::rigid(DVec3::Y, 0.0, 1000.0);
         let near = ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(0.0)) };
         let wall = LocalModel::new(&near, &yielding(1.0 / 250.0), 0.01, 1.0).evaluate(&at(-1e-3)).tangent;
         assert!((wall.force[1] - 0.2).abs() < 1e-12);
+    }
+
+    /// A body of 250 N/m with a damper of 1 N s/m, of which 16/25 are felt, since the body takes four fifths of the
+    /// tool's velocity. The wrench was found at rest.
+    #[test]
+    fn the_damper_of_the_body_is_felt() {
+        let mut body = damped(1.0 / 250.0, 4e-3);
+        let still = ContactWrench { h: 0.01, ..pressed(2.0) };
+        body.learn(&still, &still, 0.01);
+        let model = LocalModel::new(&still, &body, 0.01, 1.0);
+        let moving = |y: f64, v: f64| RigidState { velocity: DVec3::Y * v, ..at(y) };
+        let of_contact = 3.0 / 25.0;
+        for v in [-0.1, -0.01, 0.05] {
+            let tangent = model.evaluate(&moving(0.0, v)).tangent;
+            assert!((tangent.damping[(1, 1)] - (0.64 + of_contact)).abs() < 1e-12);
+            assert!((tangent.force[1] - (2.0 - (0.64 + of_contact) * v)).abs() < 1e-12, "velocity {v} m/s");
+        }
+        // Withdrawn fast, the skin lags behind and lets go, and keeps its energy.
+        let (fast, slow) = (model.evaluate(&moving(0.0, 3.0)), model.evaluate(&moving(0.0, 0.0)));
+        assert!(fast.tangent == Tangent::zero() && fast.stored == slow.stored && fast.stored > 0.0);
+        // Behind a wall it is felt as well, and does not hold back a tool that is withdrawn.
+        let gap = Gap::rigid(DVec3::Y, 0.0, 1000.0);
+        let near = ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(0.0)) };
+        let wall = LocalModel::new(&near, &body, 0.01, 1.0);
+        let force = |y: f64, v: f64| wall.evaluate(&moving(y, v)).tangent.force[1];
+        assert!((force(-1e-3, -0.1) - (0.2 + 0.064)).abs() < 1e-12);
+        assert!((force(-1e-3, 0.1) - (0.2 - 0.064)).abs() < 1e-12);
+        let let_go = wall.evaluate(&moving(-1e-3, 1.0));
+        assert!(let_go.tangent == Tangent::zero() && let_go.stored > 0.0 && force(1e-6, -1.0) == 0.0);
+        // At the surface the force begins at zero, however fast the tool comes.
+        assert!((force(-1e-9, -1.0) - 4e-7).abs() < 1e-12);
+    }
+
+    /// A first wrench that is half of what it should be, at a velocity whose damping would be more than the wrench:
+    /// half of the wrench counts as damping, so that a tool that comes to rest is still pushed.
+    #[test]
+    fn damping_is_at_most_half_of_a_wrench() {
+        let mut body = damped(1.0 / 250.0, 4e-3);
+        let near = ContactWrench { gap: Some(Gap::rigid(DVec3::Y, 1e-3, 1e3)), ..ContactWrench::none(at(1e-3)) };
+        let mut first = ContactWrench { h: 0.01, damping: [[0.0; 6]; 6], ..pressed(0.05) };
+        first.wrench.force = DVec3::Y * 0.05;
+        first.tool.position.y = -2e-3;
+        body.learn(&near, &first, 0.01);
+        assert!((body.twist().unwrap()[1] + 0.2).abs() < 1e-12);
+        let model = LocalModel::new(&first, &body, 0.01, 1.0);
+        let force = |v: f64| model.evaluate(&RigidState { velocity: DVec3::Y * v, ..at(-2e-3) }).tangent.force[1];
+        assert!((force(-0.2) - 0.05).abs() < 1e-12 && (force(0.0) - 0.025).abs() < 1e-12);
+    }
+
+    /// A wrench that was found while the body followed the tool: at the same velocity the force is the wrench's, and at
+    /// rest it is less by what the damper took.
+    #[test]
+    fn the_velocity_at_which_the_body_was_found_counts() {
+        let mut body = damped(1.0 / 250.0, 4e-3);
+        let deep = ContactWrench { h: 0.01, ..pressed(2.0) };
+        let mut deeper = ContactWrench { tool: at(-1e-3), ..deep };
+        deeper.wrench.force.y = 2.2 + 0.064;
+        body.learn(&deep, &deep, 0.01);
+        body.learn(&deep, &deeper, 0.01);
+        assert!((body.twist().unwrap() + vector(0.1 * DVec3::Y, DVec3::ZERO)).norm() < 1e-12);
+        let model = LocalModel::new(&ContactWrench { damping: [[0.0; 6]; 6], ..deeper }, &body, 0.01, 1.0);
+        let force = |v: f64| model.evaluate(&RigidState { velocity: DVec3::Y * v, ..at(-1e-3) }).tangent.force[1];
+        assert!((force(-0.1) - deeper.wrench.force.y).abs() < 1e-12);
+        let taken = body.damping(model.evaluate(&at(-1e-3)).tangent.stiffness[(1, 1)]) * 0.1;
+        assert!((force(0.0) - (deeper.wrench.force.y - taken)).abs() < 1e-12 && (taken - 0.064).abs() < 0.01);
+        // The change that is foretold counts it as well: 1 mm further, and at rest.
+        let (_, change) = model.foretell(&at(-2e-3), Some(Vector6::zeros())).unwrap();
+        let stiffness = model.evaluate(&at(-1e-3)).tangent.stiffness[(1, 1)];
+        assert!((change - (1e-3 * stiffness - taken)).abs() < 1e-12);
     }
 
     /// A contact that presses with 2 N and slides with a coefficient of friction of 0.3: the damping of friction counts
@@ -485,7 +603,7 @@ mod tests {
 
     #[test]
     fn a_gap_is_a_wall_where_it_ends() {
-        let gap = Gap { normal: DVec3::Y, distance: 2e-3, stiffness: 500.0, compliance: 0.0, pair: 0 };
+        let gap = Gap::rigid(DVec3::Y, 2e-3, 500.0);
         let model = LocalModel::new(
             &ContactWrench { step: 1, gap: Some(gap), ..ContactWrench::none(at(0.0)) },
             &Compliance::default(),
@@ -510,14 +628,39 @@ mod tests {
     fn beside(gaps: &[(DVec3, f64)]) -> ContactWrench {
         let number = |gap: &(DVec3, f64)| gaps.iter().position(|other| other == gap).unwrap();
         let of = |gap: &(DVec3, f64)| Gap {
-            normal: gap.0.normalize(),
-            distance: gap.1,
-            stiffness: 500.0 + 100.0 * number(gap) as f64,
             compliance: 2e-3,
             pair: u32::from(number(gap) >= 4),
+            ..Gap::rigid(gap.0.normalize(), gap.1, 500.0 + 100.0 * number(gap) as f64)
         };
         let farther = std::array::from_fn(|k| gaps.get(k + 1).map(of));
         ContactWrench { step: 1, gap: gaps.first().map(of), farther, ..ContactWrench::none(at(0.0)) }
+    }
+
+    /// Round contact on bodies that yield or not: of the depth, the contact keeps what its force needs, and the body
+    /// takes what is left.
+    #[test]
+    fn the_force_of_a_round_contact_goes_with_the_square_of_its_depth() {
+        let wall = |stiffness: f64, compliance: f64, pair: u32| {
+            let nearest = Gap { steepness: 1e6, ..Gap::rigid(DVec3::X, 1.0, stiffness) };
+            let gap = Gap { steepness: 1e6, compliance, pair, ..Gap::rigid(DVec3::Y, 0.0, stiffness) };
+            let farther = [Some(gap), None, None, None, None];
+            let near = ContactWrench { step: 1, gap: Some(nearest), farther, ..ContactWrench::none(at(0.0)) };
+            LocalModel::new(&near, &yielding(compliance), 0.01, 1.0)
+        };
+        for (stiffness, compliance) in [(0.0, 0.0), (0.0, 1e-3), (200.0, 1e-3), (200.0, 0.0)] {
+            // A wall of the nearest body, and of another one.
+            for pair in [0, 1] {
+                for depth in [1e-6, 1e-4, 2e-3, 1e-2] {
+                    let found = wall(stiffness, compliance, pair).evaluate(&at(-depth));
+                    let force = found.tangent.force[1];
+                    let left = depth - compliance * force;
+                    let expected = stiffness * left + 1e6 * left * left;
+                    assert!((force / expected - 1.0).abs() < 1e-9, "depth {depth} m: {force} N, not {expected} N");
+                    let slope = in_series(stiffness + 2e6 * left, compliance);
+                    assert!((found.tangent.stiffness[(1, 1)] / slope - 1.0).abs() < 1e-9);
+                }
+            }
+        }
     }
 
     /// Walls of 500 and 600 N/m on a body of 250 N/m. In a corner each wall pushes; in a hollow, whose walls are nearly parallel,
@@ -556,8 +699,20 @@ mod tests {
             (DVec3::new(0.3, -1.0, 0.2), 1.5e-3),
         ];
         let (mut beyond, mut compared) = (0, 0);
-        for (trust, compliance) in [(1.0, 1.0 / 250.0), (1e-3, 1.0 / 250.0), (1.0, 0.0), (1e-3, 1e-2), (1.0, 0.1)] {
-            let model = LocalModel::new(&beside(&gaps), &yielding(compliance), 0.01, trust);
+        let cases = [
+            (1.0, 1.0 / 250.0, 0.0),
+            (1e-3, 1.0 / 250.0, 0.0),
+            (1.0, 0.0, 0.0),
+            (1e-3, 1e-2, 0.0),
+            (1.0, 0.1, 0.0),
+            (1.0, 1.0 / 250.0, 1e6),
+            (1.0, 0.0, 1e6),
+            (1e-3, 1e-2, 1e7),
+        ];
+        for (trust, compliance, steepness) in cases {
+            let mut near = beside(&gaps);
+            near.gap.iter_mut().chain(near.farther.iter_mut().flatten()).for_each(|gap| gap.steepness = steepness);
+            let model = LocalModel::new(&near, &yielding(compliance), 0.01, trust);
             for k in 0..400 {
                 let (sine, cosine) = (0.7 * f64::from(k)).sin_cos();
                 let x = 4e-3 * DVec3::new(sine, cosine * 0.8, (1.3 * f64::from(k)).sin());
@@ -694,11 +849,11 @@ mod tests {
     #[test]
     fn the_change_that_k_foretells() {
         let model = LocalModel::new(&pressed(2.0), &Compliance::default(), 0.01, 1.0);
-        let (normal, change) = model.foretell(&at(-1e-3)).unwrap();
+        let (normal, change) = model.foretell(&at(-1e-3), None).unwrap();
         assert!(normal == DVec3::Y && (change - 1.0).abs() < 1e-12);
         assert!(
             LocalModel::new(&ContactWrench::none(at(0.0)), &Compliance::default(), 0.01, 1.0)
-                .foretell(&at(1.0))
+                .foretell(&at(1.0), None)
                 .is_none()
         );
     }

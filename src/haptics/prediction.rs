@@ -30,7 +30,7 @@ impl Prediction {
         if last.wrench.force.length() <= FELT || wrench.wrench.force.length() <= FELT {
             return None;
         }
-        let (along, predicted) = model.foretell(&wrench.tool)?;
+        let (along, predicted) = model.foretell(&wrench.tool, self.body.twist())?;
         Some([predicted, along.dot(wrench.wrench.force - last.wrench.force)])
     }
 }

@@ -19,7 +19,7 @@ use crate::Result;
 /// Least and greatest rate of the haptic loop, Hz.
 pub const RATES: [f64; 2] = [50.0, 4000.0];
 /// Default of [`Haptics::trust`], m.
-const TRUST: f64 = 4e-3;
+const TRUST: f64 = 8e-3;
 /// Default of [`Haptics::longest_step`], s.
 const LONGEST_STEP: f64 = 0.02;
 

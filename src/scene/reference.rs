@@ -683,7 +683,7 @@ pub const HAPTICS: TableKeys = TableKeys {
         key(
             "trust",
             "m, > 0",
-            "0.004",
+            "0.008",
             "Distance from the tool's place in the newest wrench up to which the local model is followed.",
         ),
         key(

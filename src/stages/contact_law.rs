@@ -19,26 +19,53 @@ pub struct Law {
     pub stiffness: f64,
     /// Contact damping, N s/m^3.
     pub damping: f64,
-    /// Plane strain modulus E / (1 - nu^2) of the softer body, with Young's modulus E and Poisson's ratio nu, Pa;
-    /// infinite where both are rigid.
-    pub modulus: f64,
+    /// How the softer body yields; `None` where both are rigid.
+    pub softer: Option<Yielding>,
     /// Whether stiffness, and damping, are greater at tips and edges (`tips.rs`): what a scene gives is taken as it is.
     pub stiffens_tips: [bool; 2],
 }
 
-/// The contact law between two bodies of a scene; `all`: the scene's bodies and the tool.
-pub fn parameters(scene: &Scene, pair: [&Body; 2], all: &[&Body]) -> Law {
+/// How a soft body yields under a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Yielding {
+    /// Plane strain modulus E / (1 - nu^2), with Young's modulus E and Poisson's ratio nu, Pa.
+    pub modulus: f64,
+    /// Retardation time, s: damping over stiffness (Rayleigh's beta).
+    pub retardation: f64,
+    /// Mean edge of the tetrahedra, m.
+    pub edge: f64,
+}
+
+impl Yielding {
+    /// `None` for a body that is not soft.
+    pub fn of(body: &Body) -> Option<Yielding> {
+        let (Shape::Soft { layer, .. }, Some(material)) = (&body.shape, softest(body)) else { return None };
+        let (modulus, retardation) = (modulus(material), material.damping_stiffness);
+        Some(Yielding { modulus, retardation, edge: mean_edge(layer) })
+    }
+
+    /// Estimate of the compliance, m/N, that a sphere of this radius (m) finds: that of a half-space under a rigid
+    /// cylinder of radius a, 1 / (2 E* a), with the plane strain modulus E* (K. Johnson, "Contact Mechanics", 1985,
+    /// section 3.4) and a^2 = R^2 + (edge / 2)^2, since coarse tetrahedra spread the force. On a thick, finely meshed
+    /// body the sphere's area of contact is smaller than that of the cylinder, and the body yields more; a thin layer
+    /// yields less.
+    pub fn compliance(&self, radius: f64) -> f64 {
+        0.5 / (self.modulus * radius.hypot(0.5 * self.edge))
+    }
+}
+
+/// The contact law between two bodies of a scene, by how they yield; `all`: how the scene's bodies and the tool yield.
+pub fn parameters(scene: &Scene, pair: [Option<Yielding>; 2], all: &[Option<Yielding>]) -> Law {
     let (given, damping) = (scene.contact.stiffness, scene.contact.damping);
     let stiffness = given.unwrap_or_else(|| auto_stiffness(&pair, all));
-    let is_soft = pair.iter().any(|body| matches!(body.shape, Shape::Soft { .. }));
-    let stiffens = given.is_none() && is_soft;
+    let softer = pair.into_iter().flatten().min_by(|a, b| a.modulus.total_cmp(&b.modulus));
+    let stiffens = given.is_none() && softer.is_some();
     // With this damping the penalty force relaxes with a time constant of one step.
     let automatic = stiffness * scene.step.dt;
-    let modulus = pair.iter().filter_map(|body| modulus(body)).fold(f64::INFINITY, f64::min);
     Law {
         stiffness,
         damping: damping.unwrap_or(automatic),
-        modulus,
+        softer,
         stiffens_tips: [stiffens, stiffens && damping.is_none()],
     }
 }
@@ -87,24 +114,24 @@ fn wide(x: [f32; 3]) -> DVec3 {
 
 /// Automatic contact stiffness of a pair of bodies, N/m^3: 20 times the plane strain modulus over the mean edge of the
 /// tetrahedral mesh, of the softer body, or, where both are rigid, of the softest of all bodies.
-fn auto_stiffness(pair: &[&Body], all: &[&Body]) -> f64 {
-    let of = |bodies: &[&Body]| {
-        let soft = bodies.iter().filter_map(|body| match &body.shape {
-            Shape::Soft { layer, .. } => modulus(body).map(|modulus| 20.0 * modulus / mean_edge(layer)),
-            _ => None,
-        });
-        soft.reduce(f64::min)
+fn auto_stiffness(pair: &[Option<Yielding>], all: &[Option<Yielding>]) -> f64 {
+    let of = |bodies: &[Option<Yielding>]| {
+        bodies.iter().flatten().map(|soft| 20.0 * soft.modulus / soft.edge).reduce(f64::min)
     };
     of(pair).or_else(|| of(all)).unwrap_or(RIGID_STIFFNESS)
 }
 
-/// Plane strain modulus E / (1 - nu^2) of a soft body, Pa. A body of several materials counts with the softest of those
-/// in which its surface mesh is embedded: that material gives way first, and deeper materials are felt through it.
-fn modulus(body: &Body) -> Option<f64> {
+/// The material by which a soft body counts: of several, the softest of those in which its surface mesh is embedded,
+/// since that material gives way first, and deeper materials are felt through it.
+fn softest(body: &Body) -> Option<&Material> {
     let Shape::Soft { materials, embedding, .. } = &body.shape else { return None };
     let of_skin = embedding.iter().map(|e| materials.of(e.tetrahedron as usize));
-    let modulus = |material: &Material| material.young / (1.0 - material.poisson.powi(2));
-    of_skin.map(modulus).reduce(f64::min)
+    of_skin.min_by(|a, b| modulus(a).total_cmp(&modulus(b)))
+}
+
+/// Plane strain modulus E / (1 - nu^2), Pa.
+fn modulus(material: &Material) -> f64 {
+    material.young / (1.0 - material.poisson.powi(2))
 }
 
 /// Mean edge length of a tetrahedral mesh, each edge counted once, m.
@@ -139,7 +166,7 @@ mod tests {
         std::fs::write(&file, text).unwrap();
         let scene = Scene::load(&file).unwrap();
         let body = body(&scene.bodies[0], &scene).unwrap();
-        auto_stiffness(&[&body], &[&body])
+        auto_stiffness(&[Yielding::of(&body)], &[])
     }
 
     #[test]
@@ -156,7 +183,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("scene.toml");
         let soft = "layer = { box = [[0, 0, 0], [1, 1, 1]], cells = [1, 1, 1] }\n\
-                    material = { young = 1e5, poisson = 0.0, density = 1000 }";
+                    material = { young = 1e5, poisson = 0.0, density = 1000, damping_stiffness = 2e-3 }";
         let kind = |is_rigid: bool| if is_rigid { "surface = \"tip.obj\"" } else { soft };
         let tip = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
         std::fs::write(folder.path().join("tip.obj"), tip).unwrap();
@@ -167,8 +194,20 @@ mod tests {
         )
         .unwrap();
         let scene = Scene::load(&file).unwrap();
-        let bodies: Vec<Body> = scene.bodies.iter().map(|b| body(b, &scene).unwrap()).collect();
-        parameters(&scene, [&bodies[0], &bodies[1]], &[&bodies[0], &bodies[1]])
+        let yielding = |k: usize| Yielding::of(&body(&scene.bodies[k], &scene).unwrap());
+        let pair = [yielding(0), yielding(1)];
+        parameters(&scene, pair, &pair)
+    }
+
+    #[test]
+    fn the_softer_body_yields() {
+        let softer = law("", false).softer.unwrap();
+        assert_eq!((softer.modulus, softer.retardation), (1e5, 2e-3));
+        // Six tetrahedra of one cell: twelve edges of the cube, six diagonals of its sides, one through it.
+        let edge = (12.0 + 6.0 * 2f64.sqrt() + 3f64.sqrt()) / 19.0;
+        assert!((softer.edge - edge).abs() < 1e-12);
+        assert!((softer.compliance(0.5 * edge) - 1.0 / (1e5 * edge * 2f64.sqrt())).abs() < 1e-15);
+        assert_eq!(law("", true).softer, None);
     }
 
     #[test]

@@ -16,7 +16,7 @@ use glam::{DQuat, DVec3};
 
 use super::blocks::Blocks;
 use super::coarse::Coarse;
-use super::contact_law::Law;
+use super::contact_law::{Law, Yielding};
 use super::gap;
 use super::joints::Joint;
 use super::layers::OF_PATCH;
@@ -218,8 +218,8 @@ pub struct Model {
     pub pairs: Vec<Pair>,
     /// Per pair: indices of its bodies a and b; the tool's index comes after those of the scene's bodies.
     pub pair_bodies: Vec<[usize; 2]>,
-    /// Per pair: plane strain modulus of its softer body, Pa; infinite where both are rigid.
-    pub pair_moduli: Vec<f64>,
+    /// Per pair: how its softer body yields; `None` where both are rigid.
+    pub pair_softer: Vec<Option<Yielding>>,
     /// Per pair: its half-space, if it has one.
     pub pair_planes: Vec<Option<Plane>>,
     /// Pairs of collision proxies: a proxy of body a, a proxy of body b, 0, 0.
@@ -273,7 +273,7 @@ impl Model {
         let all = [a, b];
         let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
         // No force is computed from this pair, so its contact law has no effect.
-        let law = Law { stiffness: 1.0, damping: 0.0, modulus: f64::INFINITY, stiffens_tips: [false; 2] };
+        let law = Law { stiffness: 1.0, damping: 0.0, softer: None, stiffens_tips: [false; 2] };
         model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, law, (Sides::Both, Samples::Vertices));
         model.add_pair_proxies();
         model

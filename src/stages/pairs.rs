@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use super::contact_law::{self, Law};
+use super::contact_law::{self, Law, Yielding};
 use super::model::{Model, Plane};
 use super::{samples as choice, tips};
 use crate::prepare::{Body, FrameMotion, Shape};
@@ -30,13 +30,14 @@ impl Model {
             _ => i == tool,
         };
         let is_plane = |i: usize| matches!(all[i].shape, Shape::Plane { .. });
+        let yieldings: Vec<Option<Yielding>> = all.iter().map(|body| Yielding::of(body)).collect();
         for i in 0..all.len() {
             for j in i + 1..all.len() {
                 if !(listed(i, j) && listed(j, i)) || !(moves(i) || moves(j)) {
                     continue;
                 }
                 let (a, b) = if is_plane(i) { (j, i) } else { (i, j) };
-                let law = contact_law::parameters(scene, [all[a], all[b]], all);
+                let law = contact_law::parameters(scene, [yieldings[a], yieldings[b]], &yieldings);
                 self.add_pair(all, (a, b), held, ranges, law, (scene.contact.sides, scene.contact.samples));
             }
         }
@@ -142,7 +143,7 @@ impl Model {
         });
         self.pair_planes.push(plane);
         self.pair_bodies.push([a, b]);
-        self.pair_moduli.push(law.modulus);
+        self.pair_softer.push(law.softer);
     }
 
     /// Sets the stiffening of the triangles of each rigid body that a soft body's triangles are tested against. Of

@@ -22,6 +22,8 @@ pub struct ContactWrench {
     pub step: u64,
     /// Time at which the step's inputs were taken, s on the haptic loop's clock.
     pub time: f64,
+    /// Length of the step, s.
+    pub h: f64,
     /// State of the tool at the end of the step.
     pub tool: RigidState,
     /// Net wrench of all contacts on the tool, about its centre, world axes.
@@ -57,10 +59,15 @@ pub struct Gap {
     /// How far the tool can go against the normal before it touches the body, m; negative where the tool has come into
     /// contact during a step that began without contact.
     pub distance: f64,
-    /// Stiffness that contact will have at first, N/m, without the body's own compliance.
+    /// The force that contact will have at a depth d, without the body's own compliance, is stiffness d + steepness
+    /// d^2: the stiffness of a flat contact, N/m, 0 for a spherical tool.
     pub stiffness: f64,
+    /// The steepness of a round contact, N/m^2.
+    pub steepness: f64,
     /// Estimate of the body's own compliance under that contact, m/N; 0 for a rigid body.
     pub compliance: f64,
+    /// The body's retardation time, s: its damping over its stiffness; 0 for a rigid body.
+    pub retardation: f64,
     /// Index of the pair of tool and body, by which bodies are told apart.
     pub pair: u32,
 }
@@ -73,6 +80,7 @@ impl ContactWrench {
         ContactWrench {
             step: 0,
             time: 0.0,
+            h: 0.0,
             tool,
             wrench: Wrench::ZERO,
             stiffness,
@@ -128,10 +136,17 @@ impl ContactWrench {
 }
 
 impl Gap {
-    /// Whether the normal is a unit vector (to 1e-3), the distance is finite, and stiffness and compliance are finite
-    /// and not negative.
+    /// A gap to a rigid body, with a flat contact of this stiffness (N/m).
+    pub fn rigid(normal: DVec3, distance: f64, stiffness: f64) -> Gap {
+        Gap { normal, distance, stiffness, steepness: 0.0, compliance: 0.0, retardation: 0.0, pair: 0 }
+    }
+
+    /// Whether the normal is a unit vector (to 1e-3), the distance is finite, and the numbers of the law of
+    /// contact are finite and not negative.
     pub fn is_valid(&self) -> bool {
-        let is_law = [self.stiffness, self.compliance].iter().all(|x| x.is_finite() && *x >= 0.0);
+        let is_law = [self.stiffness, self.steepness, self.compliance, self.retardation]
+            .iter()
+            .all(|x| x.is_finite() && *x >= 0.0);
         (self.normal.length() - 1.0).abs() < 1e-3 && self.distance.is_finite() && is_law
     }
 }

@@ -10,9 +10,6 @@ use crate::shaders::{GAP_FAR, NONE, Report, SkinGap};
 use crate::stages::gap;
 use crate::step::{FARTHER, Flags, Gap};
 
-/// Depth of first contact, m: the tool's bounding sphere, of radius R, is taken to touch an area of 2 pi R times this
-/// depth.
-const FIRST_TOUCH: f64 = 1e-3;
 /// Skin that faces away from the tool counts as nearer than skin that faces it only if it is nearer by more than this
 /// fraction, since distances to an edge that two triangles share differ by rounding.
 const ROUNDING: f64 = 1e-5;
@@ -94,16 +91,16 @@ impl Simulation {
 
     /// A gap of this distance (m), or `None` where the distance is beyond the range of the search. The distance is
     /// negative where, in a step that began without contact, a spherical tool came into contact, or any tool came into
-    /// contact with a half-space. The gap's stiffness is the pair's contact stiffness times the area over which a
-    /// sphere of the tool's radius touches at first; its compliance is that of a half-space under a rigid cylinder of
-    /// the tool's radius R, 1 / (2 E* R) with the softer body's plane strain modulus E* (K. Johnson, "Contact
-    /// Mechanics", 1985, section 3.4). On a thick body a sphere's area of contact is smaller, and the body yields more; a
-    /// thin layer, or one of coarse cells, may yield less.
+    /// contact with a half-space. The law of contact is that of a sphere of the tool's radius R that goes into a plane
+    /// by a depth d, where the pressure is kappa, the pair's contact stiffness, times the depth at each point: the
+    /// force is pi kappa R d^2. The compliance is what such a sphere finds on the softer body.
     fn within_range(&self, pair: usize, normal: DVec3, distance: f64) -> Option<Gap> {
-        let area = 2.0 * std::f64::consts::PI * self.model.tool_radius * FIRST_TOUCH;
-        let stiffness = f64::from(self.model.pairs[pair].stiffness) * area;
-        let compliance = 0.5 / (self.model.pair_moduli[pair] * self.model.tool_radius);
-        (distance <= gap::RANGE).then_some(Gap { normal, distance, stiffness, compliance, pair: pair as u32 })
+        let steepness = std::f64::consts::PI * self.model.tool_radius * f64::from(self.model.pairs[pair].stiffness);
+        let softer = self.model.pair_softer[pair];
+        let compliance = softer.map_or(0.0, |softer| softer.compliance(self.model.tool_radius));
+        let retardation = softer.map_or(0.0, |softer| softer.retardation);
+        let gap = Gap { normal, distance, stiffness: 0.0, steepness, compliance, retardation, pair: pair as u32 };
+        (distance <= gap::RANGE).then_some(gap)
     }
 }
 

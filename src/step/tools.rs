@@ -89,6 +89,7 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report, friction: 
     ContactWrench {
         step,
         time: 0.0,
+        h: 0.0,
         tool: tool.state(),
         wrench: Wrench { force: vector(report.force), torque: vector(report.torque) },
         stiffness: matrix(&report.stiffness),

@@ -7,7 +7,7 @@
 
 use std::process::{Command, Output};
 
-use palpate_bench::haptics::{self, Haptics};
+use palpate_bench::haptics::{self, Haptics, Place};
 use palpate_bench::paper::{self, Paper};
 use palpate_bench::proximity::{self, Proximity};
 use palpate_bench::solver::{self, Case, Mesh, Solver};
@@ -131,6 +131,7 @@ fn a_tiny_run_answers_every_question_of_the_loop() {
         rates: vec![50.0],
         bisected: 0.5,
         walls: vec![2000.0],
+        between_places: vec![Place::Cheek],
         between_moduli: vec![2e4],
         vertices: 4_000,
         cell: 0.04,

@@ -31,7 +31,7 @@ pub use table::Table;
 /// First bytes of a recording.
 const MAGIC: &[u8; 8] = b"palpate\0";
 /// Version of the format, which changes whenever the content of header or entries changes.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 /// Greatest length of a header or an entry, bytes.
 const MOST_BYTES: usize = 1 << 20;
 /// Size of the write buffer, bytes.

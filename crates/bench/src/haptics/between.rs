@@ -1,16 +1,16 @@
 //! Part `between` of `palpate bench haptics`: how well the haptic loop knows the force between two steps of the
-//! simulation. A scripted device presses the tool (rigid body that the device leads) into the head, slides it along and
-//! releases it, with a simulation of 1000 steps a second and with slower ones; the contact forces that the loop found
-//! are compared tick by tick (iteration of the loop). Besides, the change of force from one step to the next is
-//! compared with the change that the local contact model (the loop's force law between steps) predicted.
+//! simulation. A scripted device presses the tool (rigid body that the device leads) into a soft body, or slides it
+//! along, and releases it, with a simulation of 1000 steps a second and with slower ones; the contact forces that the
+//! loop found are compared tick by tick (iteration of the loop). Besides, the change of force from one step to the next
+//! is compared with the change that the local contact model (the loop's force law between steps) predicted.
 
 use glam::DVec3;
-use palpate::Result;
 use palpate::internal::haptics::prediction::Prediction;
 use palpate::internal::haptics::virtual_time::Schedule;
 use palpate::internal::step::ContactWrench;
 use palpate::internal::step::trajectory::Trajectory;
-use palpate::scene::Key;
+use palpate::scene::{Bind, Key, Layer, Model, Shape, Surface};
+use palpate::{Result, Scene};
 use palpate_devices::Scripted;
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +40,66 @@ const RESTS: [f64; 2] = [0.1, 0.3];
 /// Forces and changes of force below this share of the greatest one are not compared.
 const COMPARED: f64 = 0.05;
 
+/// Where the tool is pressed in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Place {
+    /// The cheek of the head, beside the nose, which is nearer to the tool at first.
+    Cheek,
+    /// The forehead of the head, smooth.
+    Forehead,
+    /// The belly of a human around a fixed core.
+    Belly,
+    /// A block of 100 x 100 x 60 mm on a fixed floor, of cells of 10 mm.
+    Block,
+}
+
+impl Place {
+    /// All places.
+    pub const ALL: [Place; 4] = [Place::Cheek, Place::Forehead, Place::Belly, Place::Block];
+
+    /// The place's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Place::Cheek => "cheek",
+            Place::Forehead => "forehead",
+            Place::Belly => "belly",
+            Place::Block => "block",
+        }
+    }
+
+    /// Point (x, y) above which the tool starts, m.
+    fn above(self) -> [f64; 2] {
+        match self {
+            Place::Cheek => CHEEK,
+            Place::Forehead => [0.0, 0.07],
+            Place::Belly => [0.0, 1.05],
+            Place::Block => [0.05, 0.05],
+        }
+    }
+
+    /// A scene with the body and with the tool, whose centre starts at `centre` (m).
+    fn scene(self, settings: &Settings, centre: DVec3) -> Scene {
+        let mut scene = head::scene(settings, centre);
+        let body = &mut scene.bodies[0];
+        match self {
+            Place::Cheek | Place::Forehead => (),
+            Place::Belly => {
+                let surface = Some(Surface::Model { model: Model::Human, vertices: 13_000 });
+                body.shape = Shape::Soft { surface, layer: Layer::Cell { cell: 0.0459, grade: 1, thickness: None } };
+                body.cores[0].bind = Some(Bind::Inset(0.06));
+            }
+            Place::Block => {
+                let high = DVec3::new(0.1, 0.1, 0.06);
+                let layer = Layer::Box { low: DVec3::ZERO, high, cells: [10, 10, 6] };
+                body.shape = Shape::Soft { surface: None, layer };
+                body.cores[0].bind = Some(Bind::Box { low: DVec3::ZERO, high: high.with_z(0.0) });
+            }
+        }
+        scene
+    }
+}
+
 /// What the device does.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -50,13 +110,15 @@ pub enum Path {
     Slide,
 }
 
-/// Paths that are measured.
-pub const PATHS: [Path; 3] = [Path::Press(SLOW), Path::Press(FAST), Path::Slide];
+/// Paths that are measured on the cheek; elsewhere the slide is left out.
+const PATHS: [Path; 3] = [Path::Press(SLOW), Path::Press(FAST), Path::Slide];
 
 /// One run, compared with the run at 1000 steps a second.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Between {
-    /// Young's modulus of the head, Pa.
+    /// Where the tool was pressed in.
+    pub place: Place,
+    /// Young's modulus of the body, Pa.
     pub young: f64,
     /// What the device did.
     pub path: Path,
@@ -82,30 +144,43 @@ struct Run {
     prediction_error: Option<f64>,
 }
 
-/// Measures all paths on all heads at all rates.
+/// Measures all paths on all bodies at all rates.
 pub fn measure(settings: &Settings, watch: &mut dyn FnMut(&str)) -> Result<Vec<Between>> {
     let mut all = Vec::new();
-    let touch = Skin::of(&head::scene(settings, DVec3::ZERO))?.touch(CHEEK)?;
-    for &young in &settings.between_moduli {
-        for path in PATHS {
-            watch(&format!("between: a head of {young:.0e} Pa, {path:?}"));
-            let keys = keys(touch, path);
-            let reference = run(settings, young, path, &keys, REFERENCE, Mode::Session)?;
-            let mut add = |rate: f64, mode: Mode, own: &Run| {
-                let (peak, difference, greatest) =
-                    compare(&reference.forces, &own.forces, |tick| moves(&keys, tick as f64 * PERIOD));
-                let prediction_error = own.prediction_error;
-                all.push(Between { young, path, rate, mode, peak, difference, greatest, prediction_error });
-            };
-            add(REFERENCE, Mode::Session, &reference);
-            for &rate in &settings.between_rates {
-                for mode in [Mode::Session, Mode::Raw] {
-                    add(rate, mode, &run(settings, young, path, &keys, rate, mode)?);
-                }
+    for &place in &settings.between_places {
+        let touch = Skin::of(&place.scene(settings, DVec3::ZERO))?.touch(place.above())?;
+        for &young in &settings.between_moduli {
+            for path in PATHS.into_iter().filter(|path| place == Place::Cheek || *path != Path::Slide) {
+                watch(&format!("between: {} of {young:.0e} Pa, {path:?}", place.name()));
+                measure_path(&mut all, settings, (place, young), path, &keys(touch, path))?;
             }
         }
     }
     Ok(all)
+}
+
+/// Measures one path at all rates.
+fn measure_path(
+    all: &mut Vec<Between>,
+    settings: &Settings,
+    body @ (place, young): (Place, f64),
+    path: Path,
+    keys: &[Key],
+) -> Result<()> {
+    let reference = run(settings, body, path, keys, REFERENCE, Mode::Session)?;
+    let mut add = |rate: f64, mode: Mode, own: &Run| {
+        let (peak, difference, greatest) =
+            compare(&reference.forces, &own.forces, |tick| moves(keys, tick as f64 * PERIOD));
+        let prediction_error = own.prediction_error;
+        all.push(Between { place, young, path, rate, mode, peak, difference, greatest, prediction_error });
+    };
+    add(REFERENCE, Mode::Session, &reference);
+    for &rate in &settings.between_rates {
+        for mode in [Mode::Session, Mode::Raw] {
+            add(rate, mode, &run(settings, body, path, keys, rate, mode)?);
+        }
+    }
+    Ok(())
 }
 
 /// Whether the device moves at a time, s.
@@ -130,9 +205,16 @@ fn keys(touch: DVec3, path: Path) -> Vec<Key> {
     keys
 }
 
-fn run(settings: &Settings, young: f64, path: Path, keys: &[Key], rate: f64, mode: Mode) -> Result<Run> {
+fn run(
+    settings: &Settings,
+    (place, young): (Place, f64),
+    path: Path,
+    keys: &[Key],
+    rate: f64,
+    mode: Mode,
+) -> Result<Run> {
     let [first, last] = [keys[0], keys[keys.len() - 1]];
-    let mut scene = head::scene(settings, first.position);
+    let mut scene = place.scene(settings, first.position);
     if let Some(material) = &mut scene.bodies[0].material {
         material.young = young;
     }

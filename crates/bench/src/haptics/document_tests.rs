@@ -2,7 +2,7 @@
 //! results.
 
 use super::*;
-use crate::haptics::between::Path;
+use crate::haptics::between::{Path, Place};
 use crate::haptics::{
     Between, Change, Changes, Controlled, Controller, HoldResult, Limit, Met, Mode, Slid, Spread, Width,
 };
@@ -110,6 +110,7 @@ fn jumps_are_judged_while_touching_and_while_sliding() {
 #[test]
 fn the_force_between_steps_is_told_of_each_path() {
     let run = |path, rate, mode, difference, prediction_error| Between {
+        place: Place::Cheek,
         young: 2e4,
         path,
         rate,
@@ -133,7 +134,7 @@ fn the_force_between_steps_is_told_of_each_path() {
                 with friction 3.0 % (10.0 % with the raw force). The greatest force is 100.5 to 103.0 % of that at \
                 1000 steps a second. The local model predicts the next step's change of force to 0.1 to 5.0 %.";
     assert_eq!(section.finding, told);
-    assert_eq!(section.table.rows[3][5..], ["20.0", "40.0", "120.0", ""].map(String::from));
+    assert_eq!(section.table.rows[3][6..], ["20.0", "40.0", "120.0", ""].map(String::from));
     assert_eq!(section.table.heads.len(), section.table.rows[0].len());
     assert!(section.plot.unwrap().contains("raw") && between::between(&[]).unwrap().plot.is_none());
 }

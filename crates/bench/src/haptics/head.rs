@@ -11,6 +11,9 @@ use palpate::{Error, Options, Result, Scene, Simulation};
 use super::Settings;
 use super::rig::{MASS, RADIUS};
 
+/// Distance of the points at which triangles are sampled, m.
+const SAMPLED: f64 = 5e-4;
+
 /// Point (x, y) at which the cheek is pressed, m.
 pub const CHEEK: [f64; 2] = [0.03, -0.02];
 
@@ -72,9 +75,10 @@ pub fn open(scene: &Scene, settings: &Settings) -> Result<Simulation> {
     Ok(simulation)
 }
 
-/// The vertices of the head's skin at rest, from which the heights at which the tool touches are computed.
+/// A body's skin at rest, from which the heights at which the tool touches are computed.
 pub struct Skin {
     vertices: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
 }
 
 impl Skin {
@@ -83,21 +87,30 @@ impl Skin {
     pub fn of(scene: &Scene) -> Result<Skin> {
         let missing = || Error::Simulation("the first body of the scene is missing or not soft".into());
         match prepare::body(scene.bodies.first().ok_or_else(missing)?, scene)?.shape {
-            Shape::Soft { skin, .. } => Ok(Skin { vertices: skin.vertices }),
+            Shape::Soft { skin, .. } => Ok(Skin { vertices: skin.vertices, triangles: skin.triangles }),
             _ => Err(missing()),
         }
     }
 
-    /// Position of the tool's centre (m) when the tool, coming down along z at (x, y), first touches a vertex. Errors:
-    /// no vertex lies beneath the tool.
+    /// Position of the tool's centre (m) when the tool, coming down along z at (x, y), first touches the skin, whose
+    /// triangles are sampled every [`SAMPLED`]. Errors: no skin lies beneath the tool.
     pub fn touch(&self, [x, y]: [f64; 2]) -> Result<DVec3> {
-        let height = |v: &DVec3| {
+        let height = |v: DVec3| {
             let beside = (v.x - x).powi(2) + (v.y - y).powi(2);
             (beside < RADIUS * RADIUS).then(|| v.z + (RADIUS * RADIUS - beside).sqrt())
         };
-        let z = self.vertices.iter().filter_map(height).max_by(f64::total_cmp);
+        let z = self.triangles.iter().flat_map(|t| self.samples(t)).filter_map(height).max_by(f64::total_cmp);
         let missing = || Error::Simulation(format!("there is no skin below x = {x} m, y = {y} m"));
         Ok(DVec3::new(x, y, z.ok_or_else(missing)?))
+    }
+
+    /// Points of a triangle on a grid along two of its edges, corners included.
+    fn samples(&self, triangle: &[u32; 3]) -> impl Iterator<Item = DVec3> {
+        let [a, b, c] = triangle.map(|vertex| self.vertices[vertex as usize]);
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let count = (longest / SAMPLED).ceil().max(1.0) as usize;
+        let share = move |k: usize| k as f64 / count as f64;
+        (0..=count).flat_map(move |i| (0..=count - i).map(move |k| a + share(i) * (b - a) + share(k) * (c - a)))
     }
 }
 
@@ -106,9 +119,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sphere_rests_on_the_vertex_that_is_in_its_way() {
-        let skin = Skin { vertices: vec![DVec3::ZERO, DVec3::new(0.006, 0.0, 0.005), DVec3::new(1.0, 0.0, 9.0)] };
+    fn a_sphere_rests_on_what_is_in_its_way() {
+        let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+        let triangles = vec![[0, 1, 2], [3, 4, 5]];
+        let tip = [corner(0.006, 0.0, 0.005), corner(0.03, 0.0, -0.1), corner(0.03, 0.001, -0.1)];
+        let flat = [corner(0.4, -0.1, 0.01), corner(0.6, -0.1, 0.01), corner(0.5, 0.2, 0.01)];
+        let skin = Skin { vertices: [tip, flat].concat(), triangles };
         assert!((skin.touch([0.0, 0.0]).unwrap() - DVec3::Z * 0.013).length() < 1e-12);
-        assert!(skin.touch([0.5, 0.0]).is_err());
+        // In the middle of a large triangle.
+        assert!((skin.touch([0.5, 0.0]).unwrap() - corner(0.5, 0.0, 0.02)).length() < 1e-5);
+        assert!(skin.touch([1.0, 0.0]).is_err());
     }
 }

@@ -17,7 +17,7 @@ mod width;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-pub use between::Between;
+pub use between::{Between, Place};
 pub use controllers::{Controlled, Controller};
 pub use hold::{HoldResult, Met, is_still};
 pub use jitter::Punctual;
@@ -54,7 +54,9 @@ pub struct Settings {
     pub slide_devices: Vec<&'static str>,
     /// Rates of the engine's simulation in the comparison of forces between steps, Hz.
     pub between_rates: Vec<f64>,
-    /// Young's moduli of the head in that comparison, Pa.
+    /// Where the tool is pressed in in that comparison.
+    pub between_places: Vec<Place>,
+    /// Young's moduli of the bodies in that comparison, Pa.
     pub between_moduli: Vec<f64>,
     /// Number of vertices of the head's skin (its surface mesh).
     pub vertices: usize,
@@ -69,7 +71,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The whole benchmark, which takes less than ten minutes on two CPU cores.
+    /// The whole benchmark, which takes some twenty minutes on two CPU cores.
     pub fn full() -> Settings {
         Settings {
             devices: vec!["touch", "premium", "sigma.7"],
@@ -82,6 +84,7 @@ impl Settings {
             slide_rates: vec![40.0, 50.0],
             slide_devices: vec!["touch", "premium", "sigma.7", "falcon", "omega.x", "delta.6", "inverse3", "minverse"],
             between_rates: vec![20.0, 30.0, 50.0, 100.0, 200.0],
+            between_places: Place::ALL.into(),
             between_moduli: vec![2e4, 2e6],
             vertices: 44_000,
             cell: 0.018,
@@ -102,6 +105,7 @@ impl Settings {
             head_rates: vec![50.0],
             slide_rates: vec![50.0],
             between_rates: vec![50.0],
+            between_places: vec![Place::Cheek],
             slide_devices: vec!["premium"],
             jitter_seconds: 3.0,
             is_quick: true,

@@ -135,6 +135,7 @@ pub fn of_step(step: &Step) -> Vec<Field> {
     let ContactWrench {
         step,
         time,
+        h: _,
         tool,
         wrench,
         stiffness,
@@ -206,7 +207,9 @@ impl List {
         add("_normal_z", |gap| gap.normal.z);
         add("_m", |gap| gap.distance);
         add("_stiffness", |gap| gap.stiffness);
+        add("_steepness", |gap| gap.steepness);
         add("_compliance", |gap| gap.compliance);
+        add("_retardation_s", |gap| gap.retardation);
         add("_pair", |gap| gap.pair.into());
     }
 

@@ -242,7 +242,7 @@ fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
         |at: usize, new: &'static [u8]| -> Spoil { Box::new(move |b| b[at..at + new.len()].copy_from_slice(new)) };
     let wrong: [(Spoil, String); 8] = [
         (put(0, b"PALPATE"), "is not a recording".into()),
-        (put(8, &[1, 0]), "version 1; this palpate reads version 5".into()),
+        (put(8, &[1, 0]), "version 1; this palpate reads version 6".into()),
         (put(at, &[1, 0, 16, 0]), format!("{}: it is 1048577 bytes long", damaged(at))),
         (put(at, &[255; 4]), damaged(at)),
         (put(at + 4, &[9]), damaged(at)),

@@ -21,10 +21,11 @@ fn percent(share: f64) -> String {
 
 /// The section about the force between steps.
 pub fn between(all: &[Between]) -> Result<Section> {
-    let mut table = Table::new(["E, kPa", "path", "rate, Hz", "loop", "peak, N"]);
-    table.heads.extend(["difference, %", "p95, %", "greatest, %", "prediction error, %"].map(Into::into));
+    let mut table = Table::new(["place", "E, kPa", "path", "rate, Hz", "loop"]);
+    table.heads.extend(["peak, N", "difference, %", "p95, %", "greatest, %", "prediction error, %"].map(Into::into));
     for run in all {
-        let mut row = vec![format!("{:.0}", 1e-3 * run.young), name_of(run.path), format!("{:.0}", run.rate)];
+        let mut row = vec![run.place.name().into(), format!("{:.0}", 1e-3 * run.young), name_of(run.path)];
+        row.push(format!("{:.0}", run.rate));
         row.extend([run.mode.name().into(), format!("{:.2}", run.peak)]);
         row.extend([run.difference[0], run.difference[1], run.greatest].map(percent));
         row.push(run.prediction_error.map_or_else(String::new, percent));
@@ -33,13 +34,14 @@ pub fn between(all: &[Between]) -> Result<Section> {
     Ok(Section {
         title: "What is felt between two steps".into(),
         question: format!(
-            "A scripted device ({DEVICE}) presses the sphere into the cheek of the head of `touch-head.toml` and \
-             releases it, or slides along it with friction of {FRICTION}. How far is the loop's contact force from \
+            "A scripted device ({DEVICE}) presses the sphere into a soft body (cheek or forehead of the head of \
+             `touch-head.toml`, the belly of a human, a block) and releases it, or slides along it with friction of \
+             {FRICTION}. How far is the loop's contact force from \
              that of the same path at {REFERENCE:.0} steps a second? `difference` is over the greatest force: \
              the median over all ticks in which the device moves and something is felt, and the 95th percentile. \
              `greatest` is the greatest force over that at {REFERENCE:.0} steps a second. `prediction error` is the \
              median relative error of the change of force that the local model predicts from one step to the next. \
-             The plot shows the median for the slow press."
+             The plot shows the median for the first body and path."
         ),
         table,
         plot: (!all.is_empty()).then(|| plot(all)).transpose()?,
@@ -49,7 +51,8 @@ pub fn between(all: &[Between]) -> Result<Section> {
 }
 
 fn plot(all: &[Between]) -> Result<String> {
-    let is_drawn = |run: &&Between| run.rate < REFERENCE && (run.young, run.path) == (all[0].young, all[0].path);
+    let first = |run: &Between| (run.place, run.young, run.path) == (all[0].place, all[0].young, all[0].path);
+    let is_drawn = |run: &&Between| run.rate < REFERENCE && first(run);
     let of = |mode: Mode, name: &str| {
         let runs = all.iter().filter(is_drawn).filter(|run| run.mode == mode);
         let points = runs.map(|run| (run.rate, 1e2 * run.difference[0])).collect();
