@@ -16,7 +16,6 @@ use glam::DVec3;
 use nalgebra::Vector6;
 
 use super::local_model::{along, in_series, slope, vector};
-use super::walls::Penalty;
 use crate::step::trajectory::rotation_vector;
 use crate::step::{ContactWrench, Gap, Wrench};
 
@@ -36,6 +35,10 @@ const MOST_GROWTH: f64 = 1.5;
 /// Where the tool's velocity changes from one step to the next by as much as this time goes into the way of a sample,
 /// s, the sample has half of its weight: inertia, and waves in the body.
 const UNSTEADY: f64 = 0.01;
+/// The secant of a force that grows with the depth to this power, as between a sphere and a half-space (H. Hertz 1882),
+/// is the tangent divided by this number.
+const HERTZ: f64 = 1.5;
+
 /// Motions longer than this between two wrenches are jumps, m.
 const FARTHEST: f64 = 0.03;
 
@@ -124,8 +127,7 @@ impl Compliance {
         if self.is_learned || force <= 0.0 {
             return;
         }
-        let yielded = (depth - Penalty::of(gap).depth(force)).max(0.0) / force;
-        self.take(unsteady(normal, self.twist, depth), stiffness, 1.0 / (yielded + 1.0 / stiffness));
+        self.take(unsteady(normal, self.twist, depth), stiffness, HERTZ * force / depth);
     }
 
     /// Learns from a wrench in contact that follows another one. `before`: the motion that the body followed then.

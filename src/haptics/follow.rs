@@ -55,6 +55,8 @@ pub struct Followed {
     /// Time over which `to` is blended in, s.
     interval: f64,
     newest: ContactWrench,
+    /// The newest wrench whose model was taken: where that was foreseen by walls, the one before it.
+    modelled: ContactWrench,
     /// Compliance of the touched body.
     compliance: Compliance,
     /// The last wrench without contact: the tool's way into the contact starts there, or at the end of the gap which that
@@ -82,6 +84,7 @@ impl Followed {
             share: 1.0,
             interval: 0.0,
             newest,
+            modelled: newest,
             compliance: Compliance::default(),
             entered: newest,
             most_lent: 0.0,
@@ -123,7 +126,8 @@ impl Followed {
         let is_remembered =
             !model.has_contact() && self.to.has_contact() && self.to.evaluate(&wrench.tool).tangent == Tangent::zero();
         let felt = if is_remembered { self.to } else { model };
-        if !self.is_foreseen(wrench) {
+        let is_foreseen = self.is_foreseen(wrench);
+        if !is_foreseen {
             self.to = felt;
         }
         // The time before the first wrench is no interval to blend over.
@@ -133,6 +137,9 @@ impl Followed {
         self.most_lent = self.most_lent.max(self.opposed(&felt, tool));
         self.credit = self.credit.max(self.unopposed(&felt, tool)).min((self.most_lent - lent).max(0.0));
         (self.newest, self.taken) = (*wrench, time);
+        if !is_foreseen {
+            self.modelled = *wrench;
+        }
         if wrench.wrench == Wrench::ZERO {
             (self.entered, self.most_lent) = (*wrench, 0.0);
         }
@@ -154,10 +161,11 @@ impl Followed {
     }
 
     /// The force by which the new model exceeds the force felt so far, times the way that the tool went against the
-    /// contact's normal since the previous wrench, J; the way through the gap that this reported does not count.
+    /// contact's normal since the last wrench that was modelled, J; the way through the gap that this reported does not
+    /// count.
     fn unopposed(&self, new: &LocalModel, tool: &RigidState) -> f64 {
         let Some(normal) = new.normal(tool) else { return 0.0 };
-        let way = way_beyond(&self.newest, &normal, tool);
+        let way = way_beyond(&self.modelled, &normal, tool);
         let [from, to] = [&self.from, new].map(|model| along(&normal, &model.evaluate(tool).tangent.force));
         way.max(0.0) * (to - from).max(0.0)
     }

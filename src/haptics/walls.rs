@@ -21,7 +21,7 @@ struct Wall {
 
 /// Force of a contact with a spherical tool and a body held still, by the depth d: stiffness d + steepness d^2.
 #[derive(Debug, Clone, Copy)]
-pub struct Penalty {
+struct Penalty {
     /// N/m.
     stiffness: f64,
     /// N/m^2.
@@ -30,8 +30,12 @@ pub struct Penalty {
 
 impl Penalty {
     /// The contact at the end of a gap.
-    pub fn of(gap: &Gap) -> Penalty {
+    fn of(gap: &Gap) -> Penalty {
         Penalty { stiffness: gap.stiffness, steepness: gap.steepness }
+    }
+
+    fn pushes(&self) -> bool {
+        self.stiffness > 0.0 || self.steepness > 0.0
     }
 
     fn force(&self, depth: f64) -> f64 {
@@ -44,11 +48,6 @@ impl Penalty {
 
     fn energy(&self, depth: f64) -> f64 {
         depth * depth * (self.stiffness / 2.0 + self.steepness * depth / 3.0)
-    }
-
-    /// The depth at which the contact has a force (N) above zero, m.
-    pub fn depth(&self, force: f64) -> f64 {
-        2.0 * force / (self.stiffness + (self.stiffness * self.stiffness + 4.0 * self.steepness * force).sqrt())
     }
 
     /// The depth that is left to the contact where a body of this compliance (m/N) takes the rest of the depth.
@@ -113,7 +112,7 @@ impl Walls {
 
     /// Whether a wall pushes where the tool reaches it.
     pub fn push(&self) -> bool {
-        self.walls.iter().flatten().any(|wall| wall.contact.slope(self.trust) > 0.0)
+        self.walls.iter().flatten().any(|wall| wall.contact.pushes())
     }
 
     /// The walls' force on a tool that moved by a displacement from the model's pose and has this velocity (m/s).

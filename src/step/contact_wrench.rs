@@ -60,7 +60,7 @@ pub struct Gap {
     /// contact during a step that began without contact.
     pub distance: f64,
     /// The force that contact will have at a depth d, without the body's own compliance, is stiffness d + steepness
-    /// d^2: the stiffness of a flat contact, N/m, 0 for a spherical tool.
+    /// d^2: the stiffness at the first touch, N/m.
     pub stiffness: f64,
     /// The steepness of a round contact, N/m^2.
     pub steepness: f64,

@@ -10,6 +10,8 @@ use crate::shaders::{GAP_FAR, NONE, Report, SkinGap};
 use crate::stages::gap;
 use crate::step::{FARTHER, Flags, Gap};
 
+/// Depth of the first touch between triangles, m.
+const FIRST_TOUCH: f64 = 5e-4;
 /// Skin that faces away from the tool counts as nearer than skin that faces it only if it is nearer by more than this
 /// fraction, since distances to an edge that two triangles share differ by rounding.
 const ROUNDING: f64 = 1e-5;
@@ -93,13 +95,15 @@ impl Simulation {
     /// negative where, in a step that began without contact, a spherical tool came into contact, or any tool came into
     /// contact with a half-space. The law of contact is that of a sphere of the tool's radius R that goes into a plane
     /// by a depth d, where the pressure is kappa, the pair's contact stiffness, times the depth at each point: the
-    /// force is pi kappa R d^2. The compliance is what such a sphere finds on the softer body.
+    /// force is pi kappa R d^2. Triangles touch over an area at once, which counts like the cap of the sphere at the depth
+    /// FIRST_TOUCH. The compliance is what such a sphere finds on the softer body.
     fn within_range(&self, pair: usize, normal: DVec3, distance: f64) -> Option<Gap> {
         let steepness = std::f64::consts::PI * self.model.tool_radius * f64::from(self.model.pairs[pair].stiffness);
+        let stiffness = 2.0 * FIRST_TOUCH * steepness;
         let softer = self.model.pair_softer[pair];
         let compliance = softer.map_or(0.0, |softer| softer.compliance(self.model.tool_radius));
         let retardation = softer.map_or(0.0, |softer| softer.retardation);
-        let gap = Gap { normal, distance, stiffness: 0.0, steepness, compliance, retardation, pair: pair as u32 };
+        let gap = Gap { normal, distance, stiffness, steepness, compliance, retardation, pair: pair as u32 };
         (distance <= gap::RANGE).then_some(gap)
     }
 }

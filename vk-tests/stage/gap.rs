@@ -583,10 +583,11 @@ mod told {
             tool.position
         );
         assert!(gap.normal.distance(normal.normalize()) < 1e-5, "{gap:?}, expected a normal along {normal}");
-        // The expected stiffness is STIFFNESS times the area of the spherical cap that a plane cuts off at a depth of
-        // 1 mm.
-        let stiffness = STIFFNESS * 2.0 * std::f64::consts::PI * RADIUS * 1e-3;
-        assert!((gap.stiffness / stiffness - 1.0).abs() < 1e-6, "wrong stiffness: {gap:?}");
+        // STIFFNESS times the area of the cap that a plane cuts off a sphere at the depth d, 2 pi RADIUS d: at 0.5 mm,
+        // and integrated over the depth.
+        let area = 2.0 * std::f64::consts::PI * RADIUS;
+        assert!((gap.stiffness / (STIFFNESS * area * 5e-4) - 1.0).abs() < 1e-6, "wrong stiffness: {gap:?}");
+        assert!((gap.steepness / (0.5 * STIFFNESS * area) - 1.0).abs() < 1e-6, "wrong steepness: {gap:?}");
         assert_eq!((wrench.wrench.force, wrench.pressing), (DVec3::ZERO, 0.0));
     }
 
