@@ -350,9 +350,9 @@ mod tests {
         let mut known = Compliance::default();
         known.learn(&at(-3e-3, 0.0, BODY), &above(1e-3, 3e-3), ARM);
         assert_eq!(known.value(), 3e-3);
-        // The first wrench is at a depth of 1 mm, of which its force leaves the body's part.
+        // The first wrench is at a depth of 1 mm. Its secant is taken for that of Hertz's law, 2/3 of the tangent.
         known.learn(&above(1e-3, 3e-3), &at(1e-3, 0.0, BODY), ARM);
-        let first = 1.0 / BODY;
+        let first = 1.0 / (1.5 / (1.0 / CONTACT + 1.0 / BODY)) - 1.0 / CONTACT;
         assert!((known.value() - (0.2 * 3e-3 + 0.8 * first)).abs() < 1e-12);
         // What was learned outlasts the contact, but not the way to another body.
         let learned = known;
