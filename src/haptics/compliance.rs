@@ -8,9 +8,9 @@
 //! solving nonlinear simultaneous equations", 1965).
 //!
 //! The body is a Kelvin-Voigt element: beside its spring 1 / c is a damper tau / c, with the retardation time tau of
-//! its material. In steady motion the body takes the share c K_felt of the tool's velocity, so that a damper of tau c
-//! K_felt^2 is felt. The damper's part of df is left out of the secant, which still contains inertia and a growing area
-//! of contact.
+//! its material. In steady motion the body takes the share c K_felt of the tool's velocity, so that a damping of
+//! tau c K_felt^2 is felt. The damper's part of df is left out of the secant, which still contains inertia and a growing
+//! area of contact.
 
 use glam::DVec3;
 use nalgebra::Vector6;

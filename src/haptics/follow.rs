@@ -297,5 +297,12 @@ mod tests {
         assert!((after(&[moved]) - 0.6).abs() < 1e-12);
         let second = ContactWrench { step: 3, time: 0.04, ..touched(0.7 * DVec3::Y) };
         assert!((after(&[touched(0.6 * DVec3::Y), second]) - 0.7).abs() < 1e-12);
+        // The second wrench asks for 2 N, where 1.1 N were felt on the millimetre since the gap's end.
+        let mut followed = Followed::new(rules, at(1e-3));
+        followed.take(&near, 0.0, &at(1e-3), 0.0);
+        followed.take(&touched(0.6 * DVec3::Y), 0.02, &at(-1e-3), 0.0);
+        let second = ContactWrench { step: 3, time: 0.04, ..touched(2.0 * DVec3::Y) };
+        followed.take(&second, 0.04, &at(-1e-3), 0.0);
+        assert!((followed.credit - 1e-3 * (2.0 - 1.1)).abs() < 1e-12, "{} J may be lent", followed.credit);
     }
 }

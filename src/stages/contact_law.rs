@@ -12,8 +12,8 @@ use crate::shaders::Contact;
 /// kPa, Poisson's ratio 0.45 and edges of 10 mm.
 const RIGID_STIFFNESS: f64 = 5.0e7;
 
-/// Radius over which a tetrahedral mesh spreads the force of a small contact, as a share of its mean edge: between 0.4 and
-/// 1.2 by the compliances that are felt on block, head and human.
+/// Radius over which a tetrahedral mesh spreads the force of a small contact, as a share of its mean edge; 0.4 to 1.2 by
+/// the compliances that are learned on block, head and human.
 const SPREAD: f64 = 0.4;
 
 /// The contact law between two bodies.

@@ -1,6 +1,6 @@
 //! Part `between` of `palpate bench haptics`: how well the haptic loop knows the force between two steps of the
-//! simulation. A scripted device presses the tool (rigid body that the device leads) into a soft body, or slides it along,
-//! and releases it, with a simulation of 1000 steps a second and with slower ones; the contact forces that the loop found
+//! simulation. A scripted device presses the tool (rigid body that the device leads) into a soft body, or slides it
+//! along, and releases it, with a simulation of 1000 steps a second and with slower ones; the contact forces that the loop found
 //! are compared tick by tick (iteration of the loop). Besides, the change of force from one step to the next is
 //! compared with the change that the local contact model (the loop's force law between steps) predicted.
 

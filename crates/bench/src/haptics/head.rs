@@ -120,14 +120,13 @@ mod tests {
 
     #[test]
     fn a_sphere_rests_on_what_is_in_its_way() {
-        let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
         let triangles = vec![[0, 1, 2], [3, 4, 5]];
-        let tip = [corner(0.006, 0.0, 0.005), corner(0.03, 0.0, -0.1), corner(0.03, 0.001, -0.1)];
-        let flat = [corner(0.4, -0.1, 0.01), corner(0.6, -0.1, 0.01), corner(0.5, 0.2, 0.01)];
+        let tip = [DVec3::new(0.006, 0.0, 0.005), DVec3::new(0.03, 0.0, -0.1), DVec3::new(0.03, 0.001, -0.1)];
+        let flat = [DVec3::new(0.4, -0.1, 0.01), DVec3::new(0.6, -0.1, 0.01), DVec3::new(0.5, 0.2, 0.01)];
         let skin = Skin { vertices: [tip, flat].concat(), triangles };
         assert!((skin.touch([0.0, 0.0]).unwrap() - DVec3::Z * 0.013).length() < 1e-12);
         // In the middle of a large triangle.
-        assert!((skin.touch([0.5, 0.0]).unwrap() - corner(0.5, 0.0, 0.02)).length() < 1e-5);
+        assert!((skin.touch([0.5, 0.0]).unwrap() - DVec3::new(0.5, 0.0, 0.02)).length() < 1e-5);
         assert!(skin.touch([1.0, 0.0]).is_err());
     }
 }
