@@ -209,6 +209,65 @@ fn pieces_and_polygons() {
     assert_eq!(read_bytes("lines.stl", lines.as_bytes()).unwrap().mesh.triangles.len(), 12);
 }
 
+/// Legacy VTK: points that are whole numbers, and fields with strings (short and longer ones, whose lengths take one, two
+/// and four bytes) and bits in a binary file.
+#[test]
+fn legacy_vtk_with_whole_numbers_strings_and_bits() {
+    let string = |length: usize| {
+        let head = match length {
+            0..64 => vec![0xc0 | length as u8],
+            64..16384 => (0x8000 | length as u16).to_be_bytes().to_vec(),
+            _ => (0x4000_0000 | length as u32).to_be_bytes().to_vec(),
+        };
+        [head, vec![b'x'; length]].concat()
+    };
+    let strings = [0, 63, 64, 20_000].map(string).concat();
+    let head = b"# vtk DataFile Version 5.1\nt\nBINARY\nDATASET POLYDATA\nFIELD FieldData 2\nnote 1 4 string\n";
+    let bits = b"\nflags 1 9 bit\nab\nPOINTS 3 short\n";
+    let points: Vec<u8> = [0i16, 0, 0, 2, 0, 0, 0, -3, 0].iter().flat_map(|x| x.to_be_bytes()).collect();
+    let cells: Vec<u8> = [3i32, 0, 1, 2].iter().flat_map(|x| x.to_be_bytes()).collect();
+    let file = [&head[..], &strings, bits, &points, b"\nPOLYGONS 1 4\n", &cells, b"\n"].concat();
+    let mesh = read_bytes("s.vtk", &file).unwrap().mesh;
+    assert_eq!(mesh.triangles, [[0, 1, 2]]);
+    assert_eq!(mesh.vertices, [[0.0; 3], [2.0, 0.0, 0.0], [0.0, -3.0, 0.0]].map(glam::DVec3::from));
+    let cut = read_bytes("s.vtk", &file[..head.len() + 100]).unwrap_err();
+    assert!(is_one_line(&cut) && cut.contains("within an array of a FIELD"), "{cut}");
+    let text = "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\n\
+                POINTS 3 int\n0 0 0 2 0 0 0 -3 0\nPOLYGONS 1 4\n3 0 1 2\n";
+    assert_eq!(read_bytes("i.vtk", text.as_bytes()).unwrap().mesh, mesh);
+    let said = read_bytes("i.vtk", text.replace("POLYGONS 1 4", "POLYGONS 1 5").as_bytes()).unwrap_err();
+    assert!(said.contains("i.vtk:8: the 1 cells of POLYGONS have 4 numbers, not 5"), "{said}");
+}
+
+/// An STL text may end its lines with `\r`, or be one line with one or several solids.
+#[test]
+fn stl_with_other_line_ends() {
+    let text = fs::read_to_string(folder().join("vtk-ascii.stl")).unwrap();
+    let expected = read_bytes("a.stl", text.as_bytes()).unwrap();
+    for (old, new) in [("\n", "\r"), ("\n", "\r\n"), ("\n", " ")] {
+        assert_eq!(read_bytes("a.stl", text.replace(old, new).as_bytes()).unwrap(), expected, "ends of lines {new:?}");
+    }
+    let facet = |z: i32| {
+        format!("facet normal 0 0 1 outer loop vertex 0 0 {z} vertex 1 0 {z} vertex 0 1 {z} endloop endfacet ")
+    };
+    let two = format!("solid a facet {}endsolid a facet solid b {}endsolid b", facet(0), facet(1));
+    assert_eq!(read_bytes("two.stl", two.as_bytes()).unwrap().mesh.triangles, [[0, 1, 2], [3, 4, 5]]);
+    let cut = read_bytes("two.stl", two.strip_suffix("endsolid b").unwrap().as_bytes()).unwrap_err();
+    assert!(cut.contains("before `endsolid`"), "{cut}");
+    let damaged = text.replacen("outer", "inner", 1).replace('\n', "\r");
+    let said = read_bytes("a.stl", damaged.as_bytes()).unwrap_err();
+    assert!(said.contains("a.stl:3:"), "{said}");
+}
+
+/// The head of a `.glb` file says where the file ends; the buffer's length, where its data end.
+#[test]
+fn glb_lengths() {
+    let bytes = fs::read(folder().join("trimesh.glb")).unwrap();
+    let longer = read_bytes("a.glb", &[&bytes[..], b"abcd"].concat()).unwrap();
+    assert_eq!(longer.mesh, read_bytes("a.glb", &bytes).unwrap().mesh);
+    assert_eq!(longer.notes, ["4 bytes behind the end of the file were left out"]);
+}
+
 /// Groups of a grid in pieces: each piece must have them.
 #[test]
 fn pieces_have_groups_together_or_not_at_all() {
@@ -281,6 +340,8 @@ fn damage_is_named_with_its_place() {
         (vtp, &[("PolyData", "RectilinearGrid")], &[":1:", "a file of type \"RectilinearGrid\""]),
         (vtp, &[("NumberOfPoints=\"8\"", "NumberOfPoints=\"9\"")], &["24 coordinates for 9 points"]),
         (vtp, &[("Name=\"connectivity\"", "Name=\"c\"")], &["has no array \"connectivity\""]),
+        (vtp, &[("NumberOfPolys=\"12\"", "NumberOfPolys=\"11\"")], &["12 cells, but NumberOfPolys differs"]),
+        ("meshio-ascii.vtu", &[("NumberOfCells=\"12\"", "NumberOfCells=\"11\"")], &["12 cells, but NumberOfCells"]),
         (vtp, &[("</Polys>", "</Poly>")], &["is no XML"]),
         (vtp, &[("<VTKFile", "<!DOCTYPE a [<!ENTITY a \"&a;\">]><VTKFile")], &["is no XML"]),
         (gltf, &[("\"primitives\"", "\"primitive\"")], &["is no glTF file", "missing field"]),
@@ -290,7 +351,12 @@ fn damage_is_named_with_its_place() {
             &["KHR_draco_mesh_compression"],
         ),
         (gltf, &[("base64,", "base64,!")], &["buffer 0 is no valid base64"]),
-        (gltf, &[("\"componentType\": 5126", "\"componentType\": 5123")], &["not three floats"]),
+        (gltf, &[("\"componentType\": 5126", "\"componentType\": 5123")], &["mesh 0, primitive 0", "not three floats"]),
+        (gltf, &[("\"byteStride\": 12", "\"byteStride\": 4")], &["mesh 0, primitive 0", "4 bytes apart"]),
+        (gltf, &[("\"version\"", "\"minVersion\": \"2.1\", \"version\"")], &["needs a reader of version 2.1"]),
+        (gltf, &[("\"byteLength\": 264", "\"byteLength\": 260")], &["accessor 1", "beyond its buffer"]),
+        (gltf, &[("\"uri\": \"data:", "\"uri\": \"/data:")], &["not one beside it"]),
+        (gltf, &[("\"buffer\": 0", "\"buffer\": 7")], &["mesh 0, primitive 0", "names buffer 7"]),
         (gltf, &[("\"uri\": \"data:", "\"uri\": \"none")], &["cannot be read"]),
         (gltf, &[("\"byteLength\": 264", "\"byteLength\": 265")], &["is cut off"]),
         ("blender.gltf", &[("blender.bin", "absent.bin")], &["absent.bin", "cannot be read", "keep it beside"]),

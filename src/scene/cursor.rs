@@ -55,6 +55,17 @@ pub(super) fn short(word: &str) -> String {
     word.chars().take(40).collect::<String>().escape_debug().to_string()
 }
 
+/// Whether a byte ends a line; the two bytes `\r\n` end one line together.
+fn is_line_end(byte: &u8) -> bool {
+    matches!(byte, b'\n' | b'\r')
+}
+
+/// Number of line ends in a text.
+fn line_ends(bytes: &[u8]) -> usize {
+    let pairs = bytes.windows(2).filter(|two| two == b"\r\n").count();
+    bytes.iter().filter(|byte| is_line_end(byte)).count() - pairs
+}
+
 impl<'a> Cursor<'a> {
     pub(super) fn new(path: &'a Path, bytes: &'a [u8], remedy: &'static str) -> Self {
         Cursor { path, bytes, at: 0, mark: 0, remedy, order: None, has_lines: true }
@@ -84,10 +95,7 @@ impl<'a> Cursor<'a> {
         match self.order {
             Some(_) => Error::input(self.path, None, format!("{}, at byte {mark}", problem.into()), remedy),
             None if !self.has_lines => Error::input(self.path, None, problem, remedy),
-            None => {
-                let line = 1 + self.bytes[..mark].iter().filter(|&&byte| byte == b'\n').count();
-                Error::input(self.path, Some(line), problem, remedy)
-            }
+            None => Error::input(self.path, Some(1 + line_ends(&self.bytes[..mark])), problem, remedy),
         }
     }
 
@@ -107,8 +115,9 @@ impl<'a> Cursor<'a> {
             return None;
         }
         let rest = &self.bytes[self.at..];
-        let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
-        self.at = (self.at + length + 1).min(self.bytes.len());
+        let length = rest.iter().position(is_line_end).unwrap_or(rest.len());
+        let end = if rest[length..].starts_with(b"\r\n") { 2 } else { 1 };
+        self.at = (self.at + length + end).min(self.bytes.len());
         // Bytes that are not UTF-8 become a character that no parser accepts, so that the error names this line.
         Some(std::str::from_utf8(&rest[..length]).unwrap_or("\u{fffd}").trim())
     }

@@ -42,8 +42,11 @@ struct Root {
 }
 
 #[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
 struct Asset {
     version: String,
+    /// Version that a reader must know at least.
+    min_version: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -138,7 +141,7 @@ struct Buffer {
 
 /// The files of buffers that a `.gltf` file names; none if the file cannot be read.
 pub(super) fn buffers(path: &Path) -> Vec<PathBuf> {
-    let Ok((root, _)) = open(path) else { return Vec::new() };
+    let Ok(File { root, .. }) = open(path) else { return Vec::new() };
     let uris = root.buffers.iter().filter_map(|buffer| buffer.uri.as_ref());
     uris.filter(|uri| !uri.starts_with(DATA)).map(|uri| beside(path, uri)).collect()
 }
@@ -153,12 +156,20 @@ fn wrong(path: &Path, problem: impl Into<String>) -> Error {
     Error::input(path, None, problem, REMEDY)
 }
 
-/// The JSON of a file, and the bytes of its first buffer if the file contains them.
-fn open(path: &Path) -> Result<(Root, Option<Vec<u8>>)> {
+/// A file that was opened.
+struct File {
+    root: Root,
+    /// Bytes of the first buffer, if the file contains them.
+    binary: Option<Vec<u8>>,
+    /// Number of bytes behind the end of a `.glb` file that its head tells.
+    left_over: usize,
+}
+
+fn open(path: &Path) -> Result<File> {
     let bytes = files::mesh(path, "give a glTF file")?;
-    let (json, binary) = match bytes.starts_with(b"glTF") {
+    let (json, binary, left_over) = match bytes.starts_with(b"glTF") {
         true => chunks(&bytes).map_err(|problem| wrong(path, problem))?,
-        false => (bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes), None),
+        false => (bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes), None, 0),
     };
     let root: Root = serde_json::from_slice(json).map_err(|error| {
         let line = (error.line() > 0 && binary.is_none()).then_some(error.line());
@@ -167,15 +178,19 @@ fn open(path: &Path) -> Result<(Root, Option<Vec<u8>>)> {
     if !root.asset.version.starts_with("2.") {
         return Err(wrong(path, format!("is of version {}, not 2", root.asset.version.escape_debug())));
     }
+    if let Some(least) = root.asset.min_version.as_ref().filter(|least| *least != "2.0") {
+        return Err(wrong(path, format!("needs a reader of version {}; this one reads 2.0", least.escape_debug())));
+    }
     let unknown = |name: &&String| !HARMLESS.iter().any(|harmless| name.starts_with(harmless));
     if let Some(name) = root.extensions_required.iter().find(unknown) {
         return Err(wrong(path, format!("needs the extension {}, which is not supported", name.escape_debug())));
     }
-    Ok((root, binary.map(<[u8]>::to_vec)))
+    Ok(File { root, binary: binary.map(<[u8]>::to_vec), left_over })
 }
 
-/// The JSON and the binary chunk of a `.glb` file, which begins with a head of three numbers.
-fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
+/// The JSON and the binary chunk of a `.glb` file, which begins with a head of three numbers, and the number of bytes
+/// behind the length that the head tells.
+fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>, usize), String> {
     let number = |at: usize| {
         let bytes = bytes.get(at..at + 4).ok_or("is cut off")?;
         Ok::<u32, String>(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
@@ -200,30 +215,38 @@ fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
         // Chunks begin at multiples of four.
         at += 8 + size.next_multiple_of(4);
     }
-    Ok((json.ok_or("has no JSON")?, binary))
+    Ok((json.ok_or("has no JSON")?, binary, found - length))
 }
 
 /// Reads a glTF file.
 pub(super) fn read(path: &Path) -> Result<TriangleFile> {
-    let (root, binary) = open(path)?;
+    let File { root, binary, left_over } = open(path)?;
     let buffers = read_buffers(path, &root, binary)?;
-    let mut reader = Reader { path, root: &root, buffers, mesh: TriangleMesh::default(), left_out: Vec::new() };
+    let mut reader =
+        Reader { path, root: &root, buffers, mesh: TriangleMesh::default(), left_out: Vec::new(), part: None };
     reader.scene()?;
     let mut notes: Vec<String> = reader.left_out.iter().map(|what| format!("{what} left out")).collect();
     notes.sort();
     notes.dedup();
+    if left_over > 0 {
+        notes.push(format!("{left_over} bytes behind the end of the file were left out"));
+    }
     Ok(TriangleFile { mesh: reader.mesh, notes })
 }
 
 fn read_buffers(path: &Path, root: &Root, mut binary: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>> {
     let (mut buffers, mut sum) = (Vec::new(), 0);
     for (k, buffer) in root.buffers.iter().enumerate() {
-        let bytes = match &buffer.uri {
+        let mut bytes = match &buffer.uri {
             None => binary.take().ok_or_else(|| wrong(path, format!("has no data for buffer {k}")))?,
             Some(uri) if uri.starts_with(DATA) => {
                 let text = uri.split_once(";base64,").map(|(_, text)| text.as_bytes());
                 let bytes = text.and_then(|text| data_encoding::BASE64.decode(text).ok());
                 bytes.ok_or_else(|| wrong(path, format!("buffer {k} is no valid base64")))?
+            }
+            Some(uri) if beside(Path::new(""), uri).is_absolute() => {
+                let problem = format!("buffer {k} is the file {}, not one beside it", uri.escape_debug());
+                return Err(wrong(path, problem));
             }
             Some(uri) => files::mesh(&beside(path, uri), &format!("keep it beside {}", path.display()))?,
         };
@@ -231,6 +254,7 @@ fn read_buffers(path: &Path, root: &Root, mut binary: Option<Vec<u8>>) -> Result
         if found < told {
             return Err(wrong(path, format!("buffer {k} is cut off: it has {found} bytes instead of {told}")));
         }
+        bytes.truncate(told);
         sum += bytes.len() as u64;
         if sum > files::MOST_MESH {
             return Err(wrong(path, format!("has buffers of more than {} MiB", files::MOST_MESH >> 20)));
@@ -246,11 +270,17 @@ struct Reader<'a> {
     buffers: Vec<Vec<u8>>,
     mesh: TriangleMesh,
     left_out: Vec<&'static str>,
+    /// The part of a mesh that is being read, for messages.
+    part: Option<(usize, usize)>,
 }
 
 impl<'a> Reader<'a> {
     fn error(&self, problem: impl Into<String>) -> Error {
-        wrong(self.path, problem)
+        let problem = problem.into();
+        wrong(
+            self.path,
+            self.part.map_or_else(|| problem.clone(), |(m, k)| format!("mesh {m}, primitive {k} {problem}")),
+        )
     }
 
     /// The item of a list that the file names by its index; `what` is the kind of its items.
@@ -276,9 +306,11 @@ impl<'a> Reader<'a> {
             }
             let placed = above * node.placed();
             if let Some(mesh) = node.mesh {
-                for primitive in &self.item(&root.meshes, mesh, "mesh")?.primitives {
+                for (k, primitive) in self.item(&root.meshes, mesh, "mesh")?.primitives.iter().enumerate() {
+                    self.part = Some((mesh, k));
                     self.primitive(primitive, &placed)?;
                 }
+                self.part = None;
             }
             if node.skin.is_some() {
                 self.left_out.push("a skin, which would move vertices with bones, was");
@@ -297,7 +329,7 @@ impl<'a> Reader<'a> {
         if !primitive.targets.is_empty() {
             self.left_out.push("morph targets were");
         }
-        let position = primitive.attributes.position.ok_or_else(|| self.error("a mesh has no positions"))?;
+        let position = primitive.attributes.position.ok_or_else(|| self.error("has no positions"))?;
         let count = self.item(&self.root.accessors, position, "accessor")?.count;
         if self.mesh.vertices.len().saturating_add(count) > MOST_TRIANGLES {
             return Err(
@@ -320,7 +352,7 @@ impl<'a> Reader<'a> {
             }
             _ => indices.chunks(3).try_for_each(|triangle| polygons.add(triangle)),
         };
-        added.map_err(|problem| self.error(format!("a mesh {problem}")))?;
+        added.map_err(|problem| self.error(problem))?;
         if self.mesh.triangles.len() + indices.len() > MOST_TRIANGLES {
             return Err(
                 self.error(format!("has more than {MOST_TRIANGLES} triangles in all, since nodes repeat meshes"))
@@ -340,13 +372,15 @@ impl<'a> Reader<'a> {
         const FLOAT: u32 = 5126;
         let accessor = self.item(&self.root.accessors, index, "accessor")?;
         if (accessor.component_type, accessor.kind.as_str()) != (FLOAT, "VEC3") {
-            return Err(self.error("positions are not three floats each"));
+            return Err(self.error(format!("has positions in accessor {index} that are not three floats each")));
         }
         let place = |bytes: &[u8]| {
             let float = |k: usize| f64::from(f32::from_le_bytes([bytes[k], bytes[k + 1], bytes[k + 2], bytes[k + 3]]));
             let point = placed.transform_point3(DVec3::new(float(0), float(4), float(8)));
             let is_usable = point.is_finite() && point.abs().max_element() <= LARGEST;
-            is_usable.then_some(point).ok_or_else(|| self.error("a position is not finite, or too large"))
+            is_usable.then_some(point).ok_or_else(|| {
+                self.error(format!("has a position in accessor {index} that is not finite, or too large"))
+            })
         };
         self.items(index, accessor, 12)?.map(place).collect()
     }
@@ -357,7 +391,7 @@ impl<'a> Reader<'a> {
             (5121, "SCALAR") => 1,
             (5123, "SCALAR") => 2,
             (5125, "SCALAR") => 4,
-            _ => return Err(self.error("indices are not whole numbers")),
+            _ => return Err(self.error(format!("has indices in accessor {index} that are not whole numbers"))),
         };
         let whole = |bytes: &[u8]| bytes.iter().rev().fold(0, |number, byte| number << 8 | u64::from(*byte));
         Ok(self.items(index, accessor, size)?.map(whole).collect())
@@ -366,12 +400,19 @@ impl<'a> Reader<'a> {
     /// The bytes of each item of an accessor, `size` of them.
     fn items(&self, index: usize, accessor: &Accessor, size: usize) -> Result<impl Iterator<Item = &[u8]>> {
         if accessor.sparse.is_some() {
-            return Err(self.error(format!("accessor {index} is sparse, which is not supported")));
+            return Err(self.error(format!("names accessor {index}, which is sparse: that is not supported")));
         }
-        let view = accessor.buffer_view.ok_or_else(|| self.error(format!("accessor {index} has no data")))?;
+        let view =
+            accessor.buffer_view.ok_or_else(|| self.error(format!("names accessor {index}, which has no data")))?;
         let view = self.item(&self.root.buffer_views, view, "buffer view")?;
-        let buffer = self.buffers.get(view.buffer).map(Vec::as_slice).unwrap_or_default();
-        let (stride, count) = (view.byte_stride.unwrap_or(size).max(1), accessor.count);
+        let Some(buffer) = self.buffers.get(view.buffer) else {
+            return Err(self.error(format!("names buffer {}, but the file has {}", view.buffer, self.buffers.len())));
+        };
+        let (stride, count) = (view.byte_stride.unwrap_or(size), accessor.count);
+        if stride < size {
+            let problem = format!("names accessor {index}, whose items of {size} bytes are {stride} bytes apart");
+            return Err(self.error(problem));
+        }
         let bytes = || {
             let end = view.byte_offset.checked_add(view.byte_length)?;
             let bytes = buffer.get(view.byte_offset..end)?.get(accessor.byte_offset..)?;
@@ -381,7 +422,8 @@ impl<'a> Reader<'a> {
             };
             (needed <= bytes.len()).then_some(bytes)
         };
-        let bytes = bytes().ok_or_else(|| self.error(format!("accessor {index} goes beyond its buffer")))?;
+        let bytes =
+            bytes().ok_or_else(|| self.error(format!("names accessor {index}, which goes beyond its buffer")))?;
         Ok((0..count).map(move |item| &bytes[item * stride..item * stride + size]))
     }
 }

@@ -74,6 +74,19 @@ fn binary(cursor: &mut Cursor, count: u32, length: u64, found: u64) -> Result<Tr
 /// What a vertex is called in errors.
 const CORNER: &str = "a triangle's corner (x, y, z)";
 
+/// Skips the name of a solid: the rest of its line, or up to a facet or the solid's end if the file is one line.
+fn skip_name<'a>(words: &mut (impl Iterator<Item = &'a str> + Clone)) {
+    let is = |word: Option<&str>, keyword| word.is_some_and(|word| word.eq_ignore_ascii_case(keyword));
+    loop {
+        let mut ahead = words.clone();
+        let (word, after) = (ahead.next(), ahead.next());
+        if word.is_none() || is(word, "endsolid") || is(word, "facet") && is(after, "normal") {
+            return;
+        }
+        words.next();
+    }
+}
+
 fn text(cursor: &mut Cursor) -> Result<TriangleFile> {
     let mut corners = Welded::default();
     // The corners of the triangle that is being read, and whether the file has ended its last solid.
@@ -82,16 +95,16 @@ fn text(cursor: &mut Cursor) -> Result<TriangleFile> {
         let mut words = line.split_whitespace().peekable();
         while let Some(word) = words.next() {
             match word.to_lowercase().as_str() {
-                // The rest of the line is a name.
                 "solid" => {
                     is_open = true;
-                    break;
+                    skip_name(&mut words);
                 }
                 "endsolid" => {
                     is_open = false;
-                    break;
+                    skip_name(&mut words);
                 }
                 "facet" if triangle.is_empty() => {
+                    is_open = true;
                     if words.next_if(|word| word.eq_ignore_ascii_case("normal")).is_some() {
                         words.by_ref().take(3).for_each(drop);
                     }

@@ -144,22 +144,19 @@ fn size_of(cursor: &Cursor, kind: Option<&&str>) -> Result<usize> {
 
 fn points(cursor: &mut Cursor, words: &[&str], grid: &mut Grid) -> Result<()> {
     const WHAT: &str = "a point (x, y, z)";
-    let kind = words.get(2).map(|kind| kind.to_lowercase());
-    let is_double = match kind.as_deref() {
-        Some("double") => true,
-        Some("float") => false,
-        other => return Err(cursor.error(format!("unknown point type \"{}\"", short(other.unwrap_or_default())))),
-    };
+    let size = size_of(cursor, words.get(2))?;
+    let kind = words[2].to_lowercase();
     for _ in 0..count(cursor, words, 1)? {
         let mut point = [0.0; 3];
         for coordinate in &mut point {
-            *coordinate = match (cursor.order, is_double) {
+            *coordinate = match (cursor.order, kind.as_str()) {
                 (None, _) => {
                     let word = cursor.word(WHAT)?;
                     cursor.parse(word, WHAT)?
                 }
-                (Some(_), true) => cursor.f64(WHAT)?,
-                (Some(_), false) => cursor.f32(WHAT)?,
+                (Some(_), "double") => cursor.f64(WHAT)?,
+                (Some(_), "float") => cursor.f32(WHAT)?,
+                (Some(_), whole) => cursor.integer(size, !whole.starts_with("unsigned"), WHAT)? as f64,
             };
         }
         grid.points.push(cursor.point(&point)?);
@@ -185,14 +182,34 @@ fn field(cursor: &mut Cursor, words: &[&str]) -> Result<()> {
         let words: Vec<&str> = line.split_whitespace().collect();
         let numbers = count(cursor, &words, 1)?.saturating_mul(count(cursor, &words, 2)?);
         if cursor.order.is_some() {
-            let bytes = numbers.saturating_mul(size_of(cursor, words.get(3))? as u64);
-            cursor.take(usize::try_from(bytes).unwrap_or(usize::MAX), "an array of a FIELD")?;
+            skip_values(cursor, words.get(3), numbers)?;
             continue;
         }
         for _ in 0..numbers {
             cursor.word("an array of a FIELD")?;
         }
     }
+    Ok(())
+}
+
+/// Skips the values of an array of a `FIELD` in a binary file.
+fn skip_values(cursor: &mut Cursor, kind: Option<&&str>, count: u64) -> Result<()> {
+    const WHAT: &str = "an array of a FIELD";
+    let bytes = match kind.map(|kind| kind.to_lowercase()).as_deref() {
+        Some("string") => {
+            for _ in 0..count {
+                // The two highest bits of a string's length, the most significant byte first, say of how many bytes it is.
+                let first = cursor.take(1, WHAT)?[0];
+                let more = [7, 3, 1, 0][usize::from(first >> 6)];
+                let length = cursor.integer(more, false, WHAT)? | i64::from(first & 0x3f) << (8 * more);
+                cursor.take(usize::try_from(length).unwrap_or(usize::MAX), WHAT)?;
+            }
+            return Ok(());
+        }
+        Some("bit") => count.div_ceil(8),
+        _ => count.saturating_mul(size_of(cursor, kind)? as u64),
+    };
+    cursor.take(usize::try_from(bytes).unwrap_or(usize::MAX), WHAT)?;
     Ok(())
 }
 

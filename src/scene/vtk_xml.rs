@@ -140,10 +140,7 @@ impl<'a> File<'a> {
                 for (name, of) in FACES {
                     let Some(node) = piece.children().find(|node| node.has_tag_name(name)) else { continue };
                     let cells = self.cells(node, first, grid.points.len())?;
-                    let told = piece.attribute(format!("NumberOf{name}").as_str()).map(str::trim);
-                    if told.is_some_and(|told| told != cells.count().to_string()) {
-                        return Err(self.error(node, format!("{} cells, but NumberOf{name} differs", cells.count())));
-                    }
+                    self.told(piece, node, name, cells.count())?;
                     grid.types.resize(grid.types.len() + cells.count(), of);
                     grid.cells.append(&cells);
                 }
@@ -152,6 +149,7 @@ impl<'a> File<'a> {
             let node = self.child(piece, "Cells")?;
             let cells = self.cells(node, first, grid.points.len())?;
             let types = self.wholes(self.named(node, "types")?)?;
+            self.told(piece, node, "Cells", cells.count())?;
             let (count, found) = (cells.count(), types.len());
             if count != found {
                 return Err(self.error(node, format!("{count} cells, but {found} types of cells")));
@@ -195,6 +193,15 @@ impl<'a> File<'a> {
             }
         }
         Ok(fields)
+    }
+
+    /// Checks that the number of cells that a piece tells, if it tells one, is that of its element `node`.
+    fn told(&self, piece: Node, node: Node, name: &str, cells: usize) -> Result<()> {
+        let told = piece.attribute(format!("NumberOf{name}").as_str()).map(str::trim);
+        if told.is_some_and(|told| told != cells.to_string()) {
+            return Err(self.error(node, format!("{cells} cells, but NumberOf{name} differs")));
+        }
+        Ok(())
     }
 
     fn child<'n>(&self, node: Node<'n, 'n>, name: &str) -> Result<Node<'n, 'n>> {

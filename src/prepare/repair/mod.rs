@@ -68,7 +68,9 @@ fn line_of(path: &Path, triangle: usize) -> Option<usize> {
 ///    that a piece inside another piece (by the generalised winding number; Jacobson, Kavan and Sorkine-Hornung 2013)
 ///    is reversed if and only if the piece around it was reversed; sheets, which are pieces without volume, stay
 ///    unchanged;
-/// 5. a mesh without volume is refused, and so is a mesh whose holes have more than three quarters of its area.
+/// 5. a mesh without volume is refused, and so is a mesh whose holes have more than three quarters of its area;
+/// 6. vertices that no triangle of the file uses move to a corner of the first triangle, wherever they were, so that
+///    they count neither for the extent of a body nor for the layer around it.
 ///
 /// Open edges, edges of more than two triangles and intersecting triangles stay and are counted. A sound mesh comes
 /// back bitwise unchanged. The time is nearly linear in the number of triangles.
@@ -80,7 +82,7 @@ pub fn repair(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairRe
 
 /// Accepts a mesh that [`repair`] would not change and that has no open edge, no edge of more than two triangles and no
 /// sheet (piece without volume); refuses any other mesh with its first defect. Intersecting triangles, inner pieces
-/// that enclose a cavity, and unused vertices are allowed.
+/// that enclose a cavity are allowed; unused vertices move as in [`repair`].
 pub fn strict(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairReport), Refusal> {
     let mut report = RepairReport::of(&mesh);
     let mesh = mend(mesh, &mut report).map_err(|refusal| report.dropped().unwrap_or(refusal))?;
@@ -89,7 +91,7 @@ pub fn strict(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairRe
 
 fn mend(mesh: TriangleMesh, report: &mut RepairReport) -> std::result::Result<TriangleMesh, Refusal> {
     faces::check(&mesh)?;
-    let TriangleMesh { vertices, triangles } = mesh;
+    let TriangleMesh { vertices, triangles } = settle_unused(mesh);
     let mut faces = Faces::new(&vertices, triangles);
     faces.clean(report);
     outside::orient(&mut faces, report)?;
@@ -97,6 +99,24 @@ fn mend(mesh: TriangleMesh, report: &mut RepairReport) -> std::result::Result<Tr
     report.triangles_kept = faces.corners.len();
     let triangles = faces.corners;
     Ok(TriangleMesh { vertices, triangles })
+}
+
+/// Whether each vertex belongs to a triangle. An index out of range is passed over: [`faces::check`] refuses it.
+fn are_used(mesh: &TriangleMesh) -> Vec<bool> {
+    let mut used = vec![false; mesh.vertices.len()];
+    for &vertex in mesh.triangles.iter().flatten() {
+        used.get_mut(vertex as usize).into_iter().for_each(|used| *used = true);
+    }
+    used
+}
+
+/// Moves vertices that no triangle uses to the first corner of the first triangle.
+fn settle_unused(mut mesh: TriangleMesh) -> TriangleMesh {
+    let corner = mesh.triangles.first().map_or(DVec3::ZERO, |triangle| mesh.vertices[triangle[0] as usize]);
+    let are_used = are_used(&mesh);
+    let unused = mesh.vertices.iter_mut().zip(are_used).filter(|(_, is_used)| !is_used);
+    unused.for_each(|(vertex, _)| *vertex = corner);
+    mesh
 }
 
 /// Origin of a triangle of a repaired mesh.

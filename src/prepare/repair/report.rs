@@ -42,7 +42,7 @@ pub struct RepairReport {
     pub triangles: usize,
     /// Number of triangles of the skin, which is the repaired surface.
     pub triangles_kept: usize,
-    /// Number of vertices that no triangle of the file uses.
+    /// Number of vertices that no triangle of the file uses; they move to a corner of the first triangle.
     pub unused_vertices: usize,
     /// Vertices at open edges (edges with one triangle) that coincide with an earlier vertex: faces now use the earlier
     /// vertex.
@@ -81,15 +81,10 @@ pub struct RepairReport {
 impl RepairReport {
     /// The report of a mesh before the repair.
     pub(super) fn of(mesh: &TriangleMesh) -> Self {
-        let mut used = vec![false; mesh.vertices.len()];
-        for &vertex in mesh.triangles.iter().flatten() {
-            // An index out of range is refused later, by `faces::check`.
-            used.get_mut(vertex as usize).into_iter().for_each(|used| *used = true);
-        }
         RepairReport {
             vertices: mesh.vertices.len(),
             triangles: mesh.triangles.len(),
-            unused_vertices: used.iter().filter(|&&used| !used).count(),
+            unused_vertices: super::are_used(mesh).iter().filter(|is_used| !**is_used).count(),
             ..Default::default()
         }
     }
@@ -127,6 +122,12 @@ impl RepairReport {
     /// Findings and changes, one sentence each, with the first triangle concerned; empty for a sound surface.
     pub(in crate::prepare) fn sentences(&self) -> Vec<(Option<usize>, String)> {
         let mut said = Vec::new();
+        if self.unused_vertices > 0 {
+            said.push((
+                None,
+                format!("{} vertices that no triangle uses moved to a corner of the first", self.unused_vertices),
+            ));
+        }
         let mut say = |found: Count, text: String| {
             if found.count > 0 {
                 said.push((found.first_triangle, format!("{} {text}", found.count)));

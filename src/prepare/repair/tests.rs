@@ -72,6 +72,21 @@ fn a_sound_mesh_comes_back_bit_by_bit() {
     }
 }
 
+/// Vertices that no triangle uses, here far away, move to a corner and are told; all vertices keep their numbers.
+#[test]
+fn unused_vertices_do_not_stay_far_away() {
+    let sound = boxed(DVec3::ZERO, DVec3::ONE, 3);
+    let mut mesh = sound.clone();
+    mesh.vertices.extend([DVec3::splat(1e3), DVec3::NAN]);
+    let corner = sound.vertices[sound.triangles[0][0] as usize];
+    for mend in [repair, strict] {
+        let (mended, report) = mend(mesh.clone()).unwrap();
+        assert_eq!((&mended.triangles, report.unused_vertices), (&sound.triangles, 2));
+        assert_eq!(mended.vertices, [&sound.vertices[..], &[corner; 2]].concat());
+        assert_eq!(report.sentences().len(), 1, "{:?}", report.sentences());
+    }
+}
+
 #[test]
 fn boxes_that_touch_stay_apart() {
     let mesh = join(boxed(DVec3::ZERO, DVec3::ONE, 2), boxed(DVec3::X, DVec3::new(2.0, 1.0, 1.0), 2));
@@ -171,6 +186,7 @@ fn holes_are_closed_for_volume_alone() {
     let full = mesh.triangles.len();
     let is_lid = |t: &[u32; 3]| t.iter().all(|&v| mesh.vertices[v as usize].z == 1.0);
     mesh.triangles = mesh.triangles.iter().filter(|t| !is_lid(t)).copied().collect();
+    let mesh = settle_unused(mesh);
     let (open, report) = repair(mesh.clone()).unwrap();
     assert_eq!((&open, full - mesh.triangles.len()), (&mesh, 32));
     assert_eq!((report.boundary_edges.count, report.holes), (16, 1));
@@ -198,6 +214,7 @@ fn an_edge_of_four_triangles_is_kept() {
     let first: Vec<u32> =
         (0..16).map(|v| mesh.vertices.iter().position(|p| *p == mesh.vertices[v]).unwrap() as u32).collect();
     mesh.triangles.iter_mut().flatten().for_each(|v| *v = first[*v as usize]);
+    let mesh = settle_unused(mesh);
     let (same, report) = repair(mesh.clone()).unwrap();
     assert_eq!((&same, report.non_manifold_edges.count, report.pieces), (&mesh, 1, 2));
     assert!((report.volume - 2.0).abs() < ROUNDING);

@@ -68,6 +68,10 @@ impl Cells {
             }
             read.offsets.push(read.corners.len() as u64);
         }
+        if numbers < size {
+            let problem = format!("the {cells} cells of {} have {numbers} numbers, not {size}", short(words[0]));
+            return Err(cursor.error(problem));
+        }
         Ok(read)
     }
 
