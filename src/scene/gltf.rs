@@ -167,9 +167,9 @@ struct File {
 
 fn open(path: &Path) -> Result<File> {
     let bytes = files::mesh(path, "give a glTF file")?;
-    let (json, binary, left_over) = match bytes.starts_with(b"glTF") {
+    let Chunks { json, binary, left_over } = match bytes.starts_with(b"glTF") {
         true => chunks(&bytes).map_err(|problem| wrong(path, problem))?,
-        false => (bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes), None, 0),
+        false => Chunks { json: bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes), binary: None, left_over: 0 },
     };
     let root: Root = serde_json::from_slice(json).map_err(|error| {
         let line = (error.line() > 0 && binary.is_none()).then_some(error.line());
@@ -188,9 +188,15 @@ fn open(path: &Path) -> Result<File> {
     Ok(File { root, binary: binary.map(<[u8]>::to_vec), left_over })
 }
 
-/// The JSON and the binary chunk of a `.glb` file, which begins with a head of three numbers, and the number of bytes
-/// behind the length that the head tells.
-fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>, usize), String> {
+/// Parts of a file: its JSON, its binary chunk, and the number of bytes behind the end that its head tells.
+struct Chunks<'a> {
+    json: &'a [u8],
+    binary: Option<&'a [u8]>,
+    left_over: usize,
+}
+
+/// The parts of a `.glb` file, which begins with a head of three numbers.
+fn chunks(bytes: &[u8]) -> std::result::Result<Chunks<'_>, String> {
     let number = |at: usize| {
         let bytes = bytes.get(at..at + 4).ok_or("is cut off")?;
         Ok::<u32, String>(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
@@ -215,7 +221,7 @@ fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>, usize), St
         // Chunks begin at multiples of four.
         at += 8 + size.next_multiple_of(4);
     }
-    Ok((json.ok_or("has no JSON")?, binary, found - length))
+    Ok(Chunks { json: json.ok_or("has no JSON")?, binary, left_over: found - length })
 }
 
 /// Reads a glTF file.
