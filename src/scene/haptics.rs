@@ -56,6 +56,9 @@ pub struct Haptics {
     /// How to reach the service (a program made by Haply) that connects to a Haply device. The device's home position
     /// and rate are not among these settings; the haptic loop sets them.
     pub haply: HaplyService,
+    /// Which of several devices of a [`DeviceKind::Touch`] or [`DeviceKind::ForceDimension`]: its name in the maker's
+    /// configuration, or its serial number. `None`: the first that the maker's library finds.
+    pub unit: Option<String>,
     /// File with the recording of an earlier run of the haptic loop, which is replayed, for device = "replay".
     pub recording: Option<PathBuf>,
 }
@@ -115,20 +118,34 @@ pub enum DeviceKind {
     Replay,
     /// A device made by Haply: an Inverse3 or a Minverse.
     Haply,
+    /// A device made by 3D Systems, through OpenHaptics: a Touch, Touch X or Phantom.
+    Touch,
+    /// A device made by Force Dimension, through its SDK: an omega, delta, sigma or lambda, or a Novint Falcon.
+    ForceDimension,
 }
 
 impl DeviceKind {
     /// Every kind, with its name in a scene file.
-    pub const CHOICES: [(&'static str, DeviceKind); 4] = [
+    pub const CHOICES: [(&'static str, DeviceKind); 6] = [
         ("scripted", DeviceKind::Scripted),
         ("hand", DeviceKind::Hand),
         ("replay", DeviceKind::Replay),
         ("haply", DeviceKind::Haply),
+        ("touch", DeviceKind::Touch),
+        ("force-dimension", DeviceKind::ForceDimension),
     ];
 
     /// Name of the kind in a scene file.
     pub fn name(self) -> &'static str {
         DeviceKind::CHOICES.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
+    }
+
+    /// Whether the device is real, so that a person holds it.
+    pub fn is_real(self) -> bool {
+        match self {
+            DeviceKind::Scripted | DeviceKind::Hand | DeviceKind::Replay => false,
+            DeviceKind::Haply | DeviceKind::Touch | DeviceKind::ForceDimension => true,
+        }
     }
 }
 
@@ -147,6 +164,7 @@ impl Default for Haptics {
             longest_step: LONGEST_STEP,
             hand: HandParameters::default(),
             haply: HaplyService::default(),
+            unit: None,
             recording: None,
         }
     }
@@ -179,6 +197,7 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
         longest_step: table.or("longest_step", default.longest_step, Value::positive)?,
         hand: table.or("hand", default.hand, hand)?,
         haply: table.or("haply", default.haply.clone(), haply)?,
+        unit: table.option("unit", |value| value.text().map(String::from))?,
         recording: table.option("recording", Value::file)?,
     };
     let needs = |key: &str, is_there: bool, kind: DeviceKind| match is_there && haptics.device != kind {
@@ -187,12 +206,25 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     };
     needs("hand", table.has("hand"), DeviceKind::Hand)?;
     needs("haply", table.has("haply"), DeviceKind::Haply)?;
+    if haptics.unit.is_some() && !haptics.has_units() {
+        return Err(table.error("unit", NOT_A_UNIT, "remove it or set `device`"));
+    }
     needs("recording", haptics.recording.is_some(), DeviceKind::Replay)?;
     if let (DeviceKind::Haply, Some(profile)) = (haptics.device, haptics.profile) {
         of_haply(profile).map_err(|remedy| table.error("profile", NOT_HAPLYS, remedy))?;
     }
     Ok(haptics)
 }
+
+impl Haptics {
+    /// Whether the kind of device has a `unit`.
+    pub(super) fn has_units(&self) -> bool {
+        matches!(self.device, DeviceKind::Touch | DeviceKind::ForceDimension)
+    }
+}
+
+/// What error messages say about a `unit` that no device has.
+pub(super) const NOT_A_UNIT: &str = "belongs to device = \"touch\" or \"force-dimension\"";
 
 /// What error messages say about a profile that [`of_haply`] refuses.
 pub const NOT_HAPLYS: &str = "is not that of a Haply";

@@ -35,12 +35,12 @@ pub struct Profile {
 /// while nobody holds a device, and `mouse` is for a mouse.
 pub const PROFILES: [Profile; 10] = [
     profile("scripted", [20.0, 1.0], [5000.0, 30.0], [5.0, 0.05], 10.0, true),
-    profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true).of_resolution(3e-5),
-    profile("touch", [3.3, 0.0], [400.0, 4.0], [0.0, 0.0], 0.075, true).of_resolution(5.5e-5),
-    profile("omega.x", [12.0, 0.0], [5000.0, 30.0], [0.0, 0.0], 0.075, false).of_resolution(1e-5),
-    profile("delta.6", [20.0, 0.2], [5000.0, 30.0], [1.0, 0.0], 0.15, true).of_resolution(3e-5),
-    profile("sigma.7", [12.0, 0.2], [4000.0, 30.0], [1.0, 0.07], 0.075, true).of_resolution(1.5e-6),
-    profile("falcon", [8.0, 0.0], [3000.0, 20.0], [0.0, 0.0], 0.04, false).of_resolution(6.3e-5),
+    PREMIUM,
+    TOUCH,
+    OMEGA,
+    DELTA,
+    SIGMA,
+    FALCON,
     INVERSE3,
     MINVERSE,
     MOUSE,
@@ -48,6 +48,28 @@ pub const PROFILES: [Profile; 10] = [
 
 /// Resolution that is assumed of a device whose resolution is not known, m.
 pub const ASSUMED_RESOLUTION: f64 = 2e-5;
+
+/// Profile of the Phantom Premium 1.5 of 3D Systems.
+pub const PREMIUM: Profile =
+    profile("premium", [8.5, 0.188], [800.0, 5.0], [0.3, 0.004], 0.12, true).of_resolution(3e-5);
+
+/// Profile of the Touch of 3D Systems, formerly Phantom Omni.
+pub const TOUCH: Profile = profile("touch", [3.3, 0.0], [400.0, 4.0], [0.0, 0.0], 0.075, true).of_resolution(5.5e-5);
+
+/// Profile of Force Dimension's omega.3, omega.6 and omega.7. Only the latter two sense rotation.
+pub const OMEGA: Profile =
+    profile("omega.x", [12.0, 0.0], [5000.0, 30.0], [0.0, 0.0], 0.075, false).of_resolution(1e-5);
+
+/// Profile of Force Dimension's delta.6.
+pub const DELTA: Profile = profile("delta.6", [20.0, 0.2], [5000.0, 30.0], [1.0, 0.0], 0.15, true).of_resolution(3e-5);
+
+/// Profile of Force Dimension's sigma.7.
+pub const SIGMA: Profile =
+    profile("sigma.7", [12.0, 0.2], [4000.0, 30.0], [1.0, 0.07], 0.075, true).of_resolution(1.5e-6);
+
+/// Profile of the Novint Falcon.
+pub const FALCON: Profile =
+    profile("falcon", [8.0, 0.0], [3000.0, 20.0], [0.0, 0.0], 0.04, false).of_resolution(6.3e-5);
 
 /// Profile of the Haply Inverse3.
 pub const INVERSE3: Profile = profile("inverse3", [10.0, 0.0], [1000.0, 6.0], [0.0, 0.0], 0.15, false);

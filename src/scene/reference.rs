@@ -634,16 +634,17 @@ pub const HAPTICS: TableKeys = TableKeys {
     keys: &[
         key(
             "device",
-            "`\"scripted\"`, `\"hand\"`, `\"replay\"` or `\"haply\"`",
+            "`\"scripted\"`, `\"hand\"`, `\"replay\"`, `\"haply\"`, `\"touch\"` or `\"force-dimension\"`",
             "\"scripted\"",
             "What holds the tool: the keys of `[drive]`, a simulated human who means to follow them, a recording, or \
-             an Inverse3 or Minverse of Haply. All but `scripted` start a session without `--haptics`.",
+             a device of Haply, 3D Systems (OpenHaptics) or Force Dimension. All but `scripted` start a session \
+             without `--haptics`.",
         ),
         key(
             "profile",
             "a name (see the profiles of devices)",
             "(the device's own)",
-            "Limits and abilities of the device. For a Haply it may only lower the limits of the device itself.",
+            "Limits and abilities of the device. For a real device it may only lower the limits of the device itself.",
         ),
         key(
             "resolution",
@@ -701,6 +702,13 @@ pub const HAPTICS: TableKeys = TableKeys {
         ),
         key("hand", "table", "(its defaults)", "The simulated human, for `device = \"hand\"`."),
         key("haply", "table", "(its defaults)", "The service of a Haply device, for `device = \"haply\"`."),
+        key(
+            "unit",
+            "text",
+            "(the first device)",
+            "Which of several devices: its name in the maker's configuration (`touch`), or its serial number \
+             (`force-dimension`).",
+        ),
         key("recording", "`\"FILE\"`", "(none)", "The recorded session, for `device = \"replay\"`."),
     ],
 };

@@ -1,15 +1,19 @@
 //! `palpate devices`: one line per Vulkan device, beginning with the index that `--device` takes, and what each offers;
-//! or the measured resolution of a haptic device.
+//! or a haptic device's measured resolution, or a check of it.
+
+use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::Device;
 use palpate::internal::step::trajectory::Trajectory;
-use palpate::scene::profile::PROFILES;
-use palpate::scene::{HandParameters, HaplyService, Key, Profile};
+use palpate::scene::profile::PREMIUM;
+use palpate::scene::{HandParameters, HaplyService, Key};
 use palpate::{Error, Result};
 use palpate_devices::resolution::Resolution;
-use palpate_devices::{Hand, Haply, haply};
+use palpate_devices::safety_check::{self, Finding, Guide};
+use palpate_devices::{ForceDimension, Hand, Haply, Touch, haply, vendor};
 
+use crate::signals::Stop;
 use crate::{engine, print, tell};
 
 /// How long a haptic device is read, s.
@@ -27,9 +31,16 @@ pub struct Arguments {
     /// Vulkan device
     #[arg(long, value_name = "HAPTIC-DEVICE", conflicts_with = "verbose")]
     calibrate: Option<Kind>,
+    /// Check the haptic device, held in a hand, with a tenth of its greatest force at most: free motion, pushes in six
+    /// directions, release, watchdog
+    #[arg(long, value_name = "HAPTIC-DEVICE", conflicts_with_all = ["verbose", "calibrate"])]
+    test: Option<Kind>,
     /// Address of the service of a Haply
-    #[arg(long, value_name = "ws://HOST:PORT", requires = "calibrate")]
+    #[arg(long, value_name = "ws://HOST:PORT")]
     address: Option<String>,
+    /// Which of several devices: its name in the maker's configuration (touch) or its serial number (force-dimension)
+    #[arg(long, value_name = "NAME")]
+    unit: Option<String>,
 }
 
 /// The haptic devices whose resolution can be measured.
@@ -37,28 +48,42 @@ pub struct Arguments {
 enum Kind {
     /// An Inverse3 or a Minverse of Haply
     Haply,
-    /// The simulated hand, which drifts slowly, as a rehearsal
+    /// A Touch or Phantom of 3D Systems
+    Touch,
+    /// A device of Force Dimension, or a Novint Falcon
+    ForceDimension,
+    /// The simulated hand, as a rehearsal
     Hand,
 }
 
-/// Measures the resolution of a haptic device, and prints it as the line of a scene file.
-fn calibrate(kind: Kind, address: Option<&str>) -> Result<()> {
-    let mut device: Box<dyn Device> = match kind {
+/// The haptic device that the options name, which is not open yet.
+fn haptic_device(kind: Kind, arguments: &Arguments) -> Result<Box<dyn Device>> {
+    if arguments.address.is_some() && kind != Kind::Haply {
+        return Err(Error::Usage("--address is that of a Haply's service: leave it out for other devices".into()));
+    }
+    if arguments.unit.is_some() && !matches!(kind, Kind::Touch | Kind::ForceDimension) {
+        return Err(Error::Usage("--unit belongs to touch and force-dimension: leave it out for other devices".into()));
+    }
+    let settings = || vendor::Settings { unit: arguments.unit.clone(), ..vendor::Settings::default() };
+    Ok(match kind {
         Kind::Haply => {
             let mut service = HaplyService::default();
-            service.url = address.map_or(service.url, String::from);
+            service.url = arguments.address.clone().unwrap_or(service.url);
             Box::new(Haply::new(haply::Settings { service, ..haply::Settings::default() }))
         }
-        Kind::Hand if address.is_some() => {
-            return Err(Error::Usage("--address is that of a Haply's service: leave it out for `hand`".into()));
-        }
+        Kind::Touch => Box::new(Touch::new(settings())),
+        Kind::ForceDimension => Box::new(ForceDimension::new(settings())),
+        Kind::Hand if arguments.test.is_some() => Box::new(safety_check::rehearsal(PREMIUM).map_err(Error::Usage)?),
         Kind::Hand => {
             let key = |time: f64| Key { time, position: DRIFT * time * DVec3::X, orientation: DQuat::IDENTITY };
             let intended = Trajectory::new(&[key(0.0), key(2.0 * SECONDS)], key(0.0));
-            let profile = Profile::named("premium").unwrap_or(&PROFILES[0]).clone();
-            Box::new(Hand::new(HandParameters::default(), intended, profile).map_err(Error::Usage)?)
+            Box::new(Hand::new(HandParameters::default(), intended, PREMIUM).map_err(Error::Usage)?)
         }
-    };
+    })
+}
+
+/// Measures the resolution of a haptic device, and prints it as the line of a scene file.
+fn calibrate(mut device: Box<dyn Device>) -> Result<()> {
     device.open().map_err(|fault| Error::NoDevice(fault.to_string()))?;
     device.notes().iter().for_each(|note| tell(note));
     let found = Resolution::measure(&mut *device, SECONDS);
@@ -73,13 +98,45 @@ fn calibrate(kind: Kind, address: Option<&str>) -> Result<()> {
     ))
 }
 
-/// Lists all Vulkan devices, the line of a device that cannot be used saying why; or measures a haptic device.
+/// Checks a haptic device that a person holds, and prints what was found.
+fn test(mut device: Box<dyn Device>, has_watchdog: bool) -> Result<()> {
+    let stop = Stop::or_suspended()?;
+    device.open().map_err(|fault| Error::NoDevice(fault.to_string()))?;
+    device.notes().iter().for_each(|note| tell(note));
+    let begun = Instant::now();
+    let mut wait = |time: f64| std::thread::sleep(Duration::from_secs_f64(time).saturating_sub(begun.elapsed()));
+    let mut say = |line: &str| tell(line);
+    let flag = stop.flag();
+    let mut guide = Guide { wait: &mut wait, say: &mut say, stop: &flag, has_watchdog };
+    let found = safety_check::check(&mut *device, &mut guide);
+    device.close();
+    let found = found.map_err(Error::Simulation)?;
+    let line = |finding: &Finding| format!("{:<5} {}\n", if finding.is_well { "well" } else { "FAULT" }, finding.text);
+    print(&found.iter().map(line).collect::<String>())?;
+    match found.iter().filter(|finding| !finding.is_well).count() {
+        0 => Ok(()),
+        count => Err(Error::Simulation(format!("{count} of {} parts of the check are not well", found.len()))),
+    }
+}
+
+/// Lists all Vulkan devices, the line of a device that cannot be used saying why; or measures or checks a haptic device.
 ///
 /// # Errors
-/// No Vulkan device can be used; the haptic device is lost, moves or stands still.
+/// No Vulkan device can be used; the haptic device is lost, moves or stands still, or does not pass the check.
 pub fn devices(arguments: &Arguments) -> Result<()> {
+    if arguments.calibrate.is_none()
+        && arguments.test.is_none()
+        && (arguments.address.is_some() || arguments.unit.is_some())
+    {
+        return Err(Error::Usage(
+            "--address and --unit name a haptic device: give --calibrate or --test as well".into(),
+        ));
+    }
+    if let Some(kind) = arguments.test {
+        return test(haptic_device(kind, arguments)?, kind != Kind::Hand);
+    }
     if let Some(kind) = arguments.calibrate {
-        return calibrate(kind, arguments.address.as_deref());
+        return calibrate(haptic_device(kind, arguments)?);
     }
     let devices = engine::devices()?;
     let mut lines = String::new();

@@ -5,17 +5,17 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::path::Path;
 
-use palpate::internal::haptics::Device;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::session::{self, Moment, Options, Report};
+use palpate::internal::haptics::{Device, Fault};
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
 use palpate_devices::record::{Header, Outcome, Recording};
-use palpate_devices::{Hand, Haply, Replay, Scripted, haply};
+use palpate_devices::{ForceDimension, Hand, Haply, Replay, Scripted, Touch, haply, vendor};
 use palpate_page::Reduced;
 
 use crate::engine::Engine;
@@ -52,7 +52,8 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
             return wrong("does not apply to a replay, which has the profile of its recording", "leave it out");
         }
         DeviceKind::Haply => palpate::scene::of_haply(profile).or_else(|remedy| wrong(NOT_HAPLYS, &remedy))?,
-        DeviceKind::Scripted | DeviceKind::Hand => {}
+        // The driver itself refuses what its device does not bear.
+        DeviceKind::Scripted | DeviceKind::Hand | DeviceKind::Touch | DeviceKind::ForceDimension => {}
     }
     scene.haptics.profile = Some(profile);
     Ok(())
@@ -80,12 +81,36 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
                 service: haptics.haply.clone(),
             };
             let mut haply = Haply::new(settings);
-            // A Haply is a haptic device whose profile depends on its type. The session takes limits from the profile
-            // before it opens the device, so the type is asked for now.
-            haply.identify().map_err(|fault| Error::NoDevice(fault.to_string()))?;
+            // The profile of a real device depends on its type. The session takes limits from the profile before it
+            // opens the device, so the type is asked for now.
+            haply.identify().map_err(no_device)?;
             Box::new(haply)
         }
+        DeviceKind::Touch => {
+            let mut touch = Touch::new(vendor_settings(scene, start));
+            touch.identify().map_err(no_device)?;
+            Box::new(touch)
+        }
+        DeviceKind::ForceDimension => {
+            let mut device = ForceDimension::new(vendor_settings(scene, start));
+            device.identify().map_err(no_device)?;
+            Box::new(device)
+        }
     })
+}
+
+fn vendor_settings(scene: &Scene, start: Key) -> vendor::Settings {
+    vendor::Settings {
+        unit: scene.haptics.unit.clone(),
+        home: start.position,
+        rate: scene.haptics.rate,
+        profile: scene.haptics.profile,
+        ..vendor::Settings::default()
+    }
+}
+
+fn no_device(fault: Fault) -> Error {
+    Error::NoDevice(fault.to_string())
 }
 
 /// The environment (source of contact wrenches) of the haptic loop: the engine. After every step, when the loop has its

@@ -76,7 +76,7 @@ pub struct Arguments {
     /// otherwise [default: the scene's device]
     #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DeviceKind::CHOICES.map(|(name, _)| name)))]
     haptics: Option<String>,
-    /// Profile (limits of force and workspace) of the haptic device, instead of the scene's; a Haply's limits can only
+    /// Profile (limits of force and workspace) of the haptic device, instead of the scene's; a real device's can only
     /// be lowered
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
     profile: Option<String>,
@@ -164,7 +164,7 @@ fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     }
     match (arguments.seconds, scene.haptics.device, &scene.haptics.recording) {
         (Some(seconds), ..) => Ok(seconds),
-        (None, DeviceKind::Haply, _) => Ok(f64::INFINITY),
+        (None, device, _) if device.is_real() => Ok(f64::INFINITY),
         (None, DeviceKind::Replay, Some(recording)) => Ok(Replay::open(recording)?.ticks() as f64 / scene.haptics.rate),
         _ => Ok(scene.duration()),
     }

@@ -42,7 +42,7 @@ pub struct Arguments {
     /// [default: mouse; drive if the scene has no tool]
     #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DEVICES))]
     device: Option<String>,
-    /// Profile (limits of force and workspace) of the haptic device, instead of the scene's; a Haply's limits can only
+    /// Profile (limits of force and workspace) of the haptic device, instead of the scene's; a real device's can only
     /// be lowered
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(PROFILES.map(|profile| profile.name)))]
     profile: Option<String>,

@@ -241,7 +241,7 @@ fn what_cannot_be_held_is_refused() {
             "palpate run {arguments:?}: wrong error: {stderr}"
         );
     };
-    refused(&["--haptics", "phantom"], "possible values: scripted, hand, replay, haply");
+    refused(&["--haptics", "phantom"], "possible values: scripted, hand, replay, haply, touch, force-dimension");
     refused(&["--haptics", "hand", "--steps", "10"], "give --seconds instead of --steps");
     refused(&["--haptics", "hand", "--profile", "omni"], "possible values: scripted, premium, touch, omega.x, delta.6");
     refused(&["--profile", "touch"], "none holds the tool: give --haptics DEVICE as well");
@@ -275,8 +275,62 @@ fn a_resolution_is_measured_and_printed_as_lines_of_a_scene() {
     assert_eq!(printed["haptics"]["resolution"].as_float(), Some(3e-5), "{text}");
     let nobody = ["devices", "--calibrate", "haply", "--address", "ws://localhost:1"];
     let senseless = ["devices", "--calibrate", "hand", "--address", "ws://localhost:1"];
-    for (arguments, status, said) in [(nobody, 3, "start the Inverse service"), (senseless, 2, "leave it out")] {
-        let (ended, _, stderr) = palpate(&arguments);
+    let unit = ["devices", "--test", "hand", "--unit", "1"];
+    let lone = ["devices", "--unit", "1"];
+    let cases: [(&[&str], i32, &str); 4] = [
+        (&nobody, 3, "start the Inverse service"),
+        (&senseless, 2, "leave it out"),
+        (&unit, 2, "--unit belongs to touch and force-dimension"),
+        (&lone, 2, "give --calibrate or --test as well"),
+    ];
+    for (arguments, status, said) in cases {
+        let (ended, _, stderr) = palpate(arguments);
         assert!(ended == status && stderr.contains(said) && stderr.lines().count() == 1, "status {ended}: {stderr}");
     }
+}
+
+/// Without a maker's library, one line says what to install; with a stand-in for it, where the loader finds it, a session
+/// is held.
+#[test]
+fn a_device_is_driven_through_the_library_of_its_maker() {
+    let folder = tempfile::tempdir().unwrap();
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../devices/src/vendor/stand_in");
+    for (device, source, library, install, profile) in [
+        ("touch", "hd.rs", "libHD.so", "install OpenHaptics", "touch"),
+        ("force-dimension", "dhd.rs", "libdhd.so.3", "install Force Dimension's SDK", "sigma.7"),
+    ] {
+        let file = scene(folder.path(), &format!("[haptics]\ndevice = \"{device}\"\n"));
+        let run = |path: &Path| {
+            let mut run = program();
+            run.args(["run", "--seconds", "0.5", "--out"]).args([&folder.path().join(device), &file]);
+            run.env("LD_LIBRARY_PATH", path).env("STAND_IN", "1").output().unwrap()
+        };
+        let absent = run(Path::new("/nowhere"));
+        let said = String::from_utf8(absent.stderr).unwrap();
+        assert_eq!(absent.status.code(), Some(3), "{said}");
+        assert!(said.lines().count() == 1 && said.contains(install), "{said}");
+        let compiled = Command::new(std::env::var("RUSTC").unwrap_or("rustc".into()))
+            .args(["--edition", "2024", "--crate-type", "cdylib", "--crate-name", "stand_in"])
+            .args([sources.join(source), "-o".into(), folder.path().join(library)])
+            .output()
+            .unwrap();
+        assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+        let held = run(folder.path());
+        let said = String::from_utf8(held.stderr).unwrap();
+        assert!(held.status.success() && said.contains("never met a real one"), "{said}");
+        let summary = fs::read_to_string(folder.path().join(device).join("summary.json")).unwrap();
+        let report: Value = serde_json::from_str(&summary).unwrap();
+        let report = &report["haptics"];
+        assert!(report["ticks"].as_u64().unwrap() > 100 && report["profile"] == profile, "summary: {report}");
+        assert_eq!(report["events"]["device_lost"], Value::Null, "summary: {report}");
+    }
+}
+
+/// The check of a device, rehearsed with the simulated hand.
+#[test]
+#[ignore = "takes 15 s"]
+fn a_device_is_checked_with_little_force() {
+    let (status, text, stderr) = palpate(&["devices", "--test", "hand"]);
+    assert!(status == 0 && text.lines().count() == 8 && text.lines().all(|line| line.starts_with("well")), "{text}");
+    assert!(stderr.contains("hold the handle loosely"), "{stderr}");
 }

@@ -13,9 +13,12 @@ pub mod record;
 pub mod replay;
 mod replayed;
 pub mod resolution;
+pub mod safety_check;
 pub mod scripted;
 #[cfg(test)]
 mod steady;
+#[allow(unsafe_code)]
+pub mod vendor;
 
 pub use callback::Callback;
 pub use hand::{Hand, HandEnergy, HandParameters};
@@ -23,3 +26,4 @@ pub use haply::Haply;
 pub use mouse::Mouse;
 pub use replayed::Replay;
 pub use scripted::Scripted;
+pub use vendor::{ForceDimension, Touch};

@@ -136,7 +136,9 @@ pub fn headline(tally: &Tally) -> String {
 /// How the user makes the tool of a scene touch a body.
 pub fn advice(scene: &Scene) -> &'static str {
     match (scene.haptics.device, scene.trajectory.is_empty()) {
-        (DeviceKind::Haply, _) => "Move the device so that the tool meets a body, or place the tool nearer to one.",
+        (device, _) if device.is_real() => {
+            "Move the device so that the tool meets a body, or place the tool nearer to one."
+        }
         (DeviceKind::Replay, _) => "The recorded motion leads the tool past all bodies.",
         (_, false) => "Let the keys of [drive] lead the tool into a body, or simulate for longer.",
         (_, true) => {

@@ -1,0 +1,182 @@
+//! Stands in for `libdhd` of Force Dimension in tests: the same functions, without a device. Tests and library share the
+//! memory `STAND_IN` (`places.rs`). Compiled by the tests as a library of its own.
+
+#![allow(non_snake_case)]
+
+#[path = "places.rs"]
+mod places;
+
+use std::ffi::{c_char, c_int, c_uchar, c_uint, c_ushort};
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::SeqCst;
+
+use places::*;
+
+#[unsafe(no_mangle)]
+pub static STAND_IN: [AtomicU64; LENGTH] = [const { AtomicU64::new(0) }; LENGTH];
+
+/// Number of the device; not zero, so that a call without it is seen.
+const ID: c_char = 3;
+
+fn get(place: usize) -> f64 {
+    f64::from_bits(STAND_IN[place].load(SeqCst))
+}
+
+fn set(place: usize, value: f64) {
+    STAND_IN[place].store(value.to_bits(), SeqCst);
+}
+
+/// Where another process than that of the tests opens the library, there is a calibrated device.
+fn begin() {
+    if std::env::var_os("STAND_IN").is_some() {
+        [IS_THERE, IS_CALIBRATED, SERIAL, AXES, AXES + 4, AXES + 8].into_iter().for_each(|place| set(place, 1.0));
+        set(TYPE, 104.0);
+    }
+}
+
+fn count(place: usize) {
+    set(place, get(place) + 1.0);
+}
+
+/// Whether a call for a device may be answered: one is open, and there.
+fn is_well(id: c_char) -> bool {
+    let is_open = get(OPENED) > get(CLOSED);
+    if id != ID || !is_open {
+        count(MISUSES);
+    }
+    id == ID && is_open && get(IS_THERE) != 0.0
+}
+
+fn answer(is_well: bool) -> c_int {
+    if is_well { 0 } else { -1 }
+}
+
+fn give(place: usize, to: [*mut f64; 3]) {
+    for (k, to) in to.into_iter().enumerate() {
+        unsafe { *to = get(place + k) };
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdOpen() -> c_int {
+    begin();
+    if get(IS_THERE) == 0.0 {
+        return -1;
+    }
+    count(OPENED);
+    c_int::from(ID)
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdOpenSerial(serial: c_int) -> c_int {
+    if f64::from(serial) == get(SERIAL) { dhdOpen() } else { -1 }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdClose(id: c_char) -> c_int {
+    let is_well = is_well(id);
+    count(CLOSED);
+    answer(is_well)
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdStop(id: c_char) -> c_int {
+    set(IS_ENABLED, 0.0);
+    answer(is_well(id))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdEnableForce(value: c_uchar, id: c_char) -> c_int {
+    set(IS_ENABLED, value.into());
+    answer(is_well(id))
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dhdGetStatus(states: *mut c_int, id: c_char) -> c_int {
+    for k in 0..17 {
+        let state = match k {
+            3 => get(IS_CALIBRATED),
+            _ => 1.0,
+        };
+        unsafe { *states.add(k) = state as c_int };
+    }
+    answer(is_well(id))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdGetSystemType(_: c_char) -> c_int {
+    get(TYPE) as c_int
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdGetSystemName(_: c_char) -> *const c_char {
+    c"stand-in\n7".as_ptr()
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dhdGetSerialNumber(serial: *mut c_ushort, id: c_char) -> c_int {
+    unsafe { *serial = get(SERIAL) as c_ushort };
+    answer(is_well(id))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdHasWrist(_: c_char) -> bool {
+    ![33.0, 60.0, 63.0].contains(&get(TYPE))
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dhdGetPositionAndOrientationFrame(
+    x: *mut f64,
+    y: *mut f64,
+    z: *mut f64,
+    frame: *mut [[f64; 3]; 3],
+    id: c_char,
+) -> c_int {
+    count(SAMPLES);
+    give(POSITION, [x, y, z]);
+    for k in 0..9 {
+        unsafe { (*frame)[k / 3][k % 3] = get(AXES + k) };
+    }
+    answer(is_well(id) && get(ERROR) == 0.0)
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdGetLinearVelocity(x: *mut f64, y: *mut f64, z: *mut f64, id: c_char) -> c_int {
+    give(VELOCITY, [x, y, z]);
+    answer(is_well(id))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdGetAngularVelocityRad(x: *mut f64, y: *mut f64, z: *mut f64, id: c_char) -> c_int {
+    give(ANGULAR_VELOCITY, [x, y, z]);
+    answer(is_well(id))
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdGetButtonMask(_: c_char) -> c_uint {
+    get(BUTTONS) as c_uint
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdSetForceAndTorqueAndGripperForce(
+    a: f64,
+    b: f64,
+    c: f64,
+    d: f64,
+    e: f64,
+    f: f64,
+    gripper: f64,
+    id: c_char,
+) -> c_int {
+    [a, b, c, d, e, f].into_iter().enumerate().for_each(|(k, value)| set(WRENCH + k, value));
+    if gripper != 0.0 {
+        count(MISUSES);
+    }
+    // A saturated motor is no error.
+    if is_well(id) { 2 } else { -1 }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn dhdErrorGetLastStr() -> *const c_char {
+    c"communication error".as_ptr()
+}

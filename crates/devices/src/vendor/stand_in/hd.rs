@@ -1,0 +1,252 @@
+//! Stands in for `libHD` of OpenHaptics in tests: the same functions, without a device. Tests and library share the
+//! memory `STAND_IN` (`places.rs`). Compiled by the tests as a library of its own.
+
+#![allow(non_snake_case)]
+
+#[path = "places.rs"]
+mod places;
+
+use std::cell::Cell;
+use std::collections::VecDeque;
+use std::ffi::{CStr, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
+use std::sync::Mutex;
+use std::sync::atomic::Ordering::SeqCst;
+use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use places::*;
+
+#[unsafe(no_mangle)]
+pub static STAND_IN: [AtomicU64; LENGTH] = [const { AtomicU64::new(0) }; LENGTH];
+
+const DEVICE: c_uint = 5;
+const HANDLE: c_ulong = 77;
+const INVALID: c_uint = 0xffff_ffff;
+const MODELS: [&CStr; 4] = [c"Touch", c"PHANTOM Premium 1.5", c"Maxitouch", c"Phantom Omni"];
+/// Name of the device in the maker's configuration.
+const NAME: &CStr = c"Left Device";
+
+#[repr(C)]
+pub struct ErrorInfo {
+    code: c_uint,
+    internal: c_int,
+    device: c_uint,
+}
+
+type Callback = unsafe extern "C" fn(*mut c_void) -> c_uint;
+
+static ERRORS: Mutex<VecDeque<c_uint>> = Mutex::new(VecDeque::new());
+static TASK: Mutex<Option<(Callback, usize)>> = Mutex::new(None);
+static THREAD: Mutex<Option<JoinHandle<()>>> = Mutex::new(None);
+static IS_RUNNING: AtomicBool = AtomicBool::new(false);
+
+thread_local! {
+    static IS_IN_FRAME: Cell<bool> = const { Cell::new(false) };
+}
+
+fn get(place: usize) -> f64 {
+    f64::from_bits(STAND_IN[place].load(SeqCst))
+}
+
+fn set(place: usize, value: f64) {
+    STAND_IN[place].store(value.to_bits(), SeqCst);
+}
+
+/// Where another process than that of the tests opens the library, there is a calibrated device.
+fn begin() {
+    if std::env::var_os("STAND_IN").is_some() {
+        [IS_THERE, IS_CALIBRATED, SERIAL, AXES, AXES + 4, AXES + 8].into_iter().for_each(|place| set(place, 1.0));
+        set(TYPE, 0.0);
+    }
+}
+
+fn count(place: usize) {
+    set(place, get(place) + 1.0);
+}
+
+fn fail(code: c_uint) {
+    ERRORS.lock().unwrap().push_back(code);
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hdInitDevice(name: *const c_char) -> c_uint {
+    begin();
+    let is_named = name.is_null() || unsafe { CStr::from_ptr(name) } == NAME;
+    if get(IS_THERE) == 0.0 || !is_named {
+        fail(0x0302);
+        return INVALID;
+    }
+    count(OPENED);
+    DEVICE
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdDisableDevice(device: c_uint) {
+    if device != DEVICE || IS_RUNNING.load(SeqCst) {
+        count(MISUSES);
+    }
+    (0..6).for_each(|k| set(WRENCH + k, 0.0));
+    set(IS_ENABLED, 0.0);
+    count(CLOSED);
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdMakeCurrentDevice(device: c_uint) {
+    if device != DEVICE {
+        fail(0x0104);
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdBeginFrame(device: c_uint) {
+    if device != DEVICE || IS_IN_FRAME.replace(true) {
+        count(MISUSES);
+    }
+    count(SAMPLES);
+    if get(IS_THERE) == 0.0 {
+        fail(0x0302);
+    }
+    if get(ERROR) != 0.0 {
+        fail(get(ERROR) as c_uint);
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdEndFrame(device: c_uint) {
+    if device != DEVICE || !IS_IN_FRAME.replace(false) {
+        count(MISUSES);
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdEnable(what: c_uint) {
+    match what {
+        0x4000 => set(IS_ENABLED, 1.0),
+        _ => fail(0x0100),
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdGetError() -> ErrorInfo {
+    let code = ERRORS.lock().unwrap().pop_front().unwrap_or(0);
+    ErrorInfo { code, internal: -9, device: DEVICE }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdGetErrorString(code: c_uint) -> *const c_char {
+    match code {
+        0x0302 => c"Communication error".as_ptr(),
+        0x0201 => c"Exceeded maximum force".as_ptr(),
+        _ => c"Some error".as_ptr(),
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdGetString(what: c_uint) -> *const c_char {
+    match what {
+        0x2501 => MODELS[get(TYPE) as usize].as_ptr(),
+        0x2504 if get(SERIAL) == 1.0 => c"SN-1".as_ptr(),
+        0x2504 => c"SN-2".as_ptr(),
+        _ => std::ptr::null(),
+    }
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hdGetIntegerv(what: c_uint, to: *mut c_int) {
+    match what {
+        0x2000 => unsafe { *to = get(BUTTONS) as c_int },
+        0x2555 => unsafe { *to = get(STYLES) as c_int },
+        _ => fail(0x0100),
+    }
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hdGetDoublev(what: c_uint, to: *mut f64) {
+    if !IS_IN_FRAME.get() {
+        count(MISUSES);
+    }
+    let put = |k: usize, value: f64| unsafe { *to.add(k) = value };
+    match what {
+        0x2052 => {
+            // By columns, with the position in the last one.
+            for (row, column) in (0..3).flat_map(|row| (0..3).map(move |column| (row, column))) {
+                put(4 * column + row, get(AXES + 3 * row + column));
+            }
+            (0..3).for_each(|k| put(12 + k, get(POSITION + k)));
+            (0..3).for_each(|k| put(4 * k + 3, 0.0));
+            put(15, 1.0);
+        }
+        0x2051 => (0..3).for_each(|k| put(k, get(VELOCITY + k))),
+        0x2053 => (0..3).for_each(|k| put(k, get(ANGULAR_VELOCITY + k))),
+        _ => fail(0x0100),
+    }
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hdSetDoublev(what: c_uint, from: *const f64) {
+    if !IS_IN_FRAME.get() {
+        count(MISUSES);
+    }
+    match what {
+        0x2700 => (0..3).for_each(|k| set(WRENCH + k, unsafe { *from.add(k) })),
+        _ => fail(0x0100),
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdCheckCalibration() -> c_uint {
+    match (get(IS_CALIBRATED) != 0.0, get(STYLES) != 0.0) {
+        (true, _) => 0x5000,
+        (false, true) => 0x5001,
+        (false, false) => 0x5002,
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdUpdateCalibration(style: c_uint) {
+    count(CALIBRATIONS);
+    match style == get(STYLES) as c_uint {
+        true => set(IS_CALIBRATED, 1.0),
+        false => fail(0x0101),
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdScheduleAsynchronous(callback: Callback, data: *mut c_void, _: c_ushort) -> c_ulong {
+    *TASK.lock().unwrap() = Some((callback, data.expose_provenance()));
+    HANDLE
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdUnschedule(handle: c_ulong) {
+    if handle != HANDLE || TASK.lock().unwrap().take().is_none() {
+        count(MISUSES);
+    }
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdStartScheduler() {
+    IS_RUNNING.store(true, SeqCst);
+    let run = || {
+        while IS_RUNNING.load(SeqCst) {
+            let mut task = TASK.lock().unwrap();
+            if let Some((callback, data)) = *task
+                && unsafe { callback(std::ptr::with_exposed_provenance_mut(data)) } == 0
+            {
+                *task = None;
+            }
+            drop(task);
+            thread::sleep(Duration::from_micros(900));
+        }
+    };
+    *THREAD.lock().unwrap() = Some(thread::spawn(run));
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn hdStopScheduler() {
+    IS_RUNNING.store(false, SeqCst);
+    if let Some(thread) = THREAD.lock().unwrap().take() {
+        let _ = thread.join();
+    }
+}

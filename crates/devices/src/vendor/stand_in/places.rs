@@ -1,0 +1,36 @@
+//! What stands where in the memory `STAND_IN` that a stand-in library shares with the tests: numbers of double
+//! precision, each as its bits.
+
+/// Length of the memory.
+pub const LENGTH: usize = 64;
+
+/// Whether there is a device (not zero), and whether the library can open it.
+pub const IS_THERE: usize = 0;
+/// Whether it is calibrated.
+pub const IS_CALIBRATED: usize = 1;
+/// Type of the device: the number that `dhdGetSystemType` returns; an index in the list of models of `hd.rs`.
+pub const TYPE: usize = 2;
+pub const SERIAL: usize = 3;
+pub const BUTTONS: usize = 4;
+/// Error that every sample meets (not zero): with `dhd.rs` any number, with `hd.rs` its code.
+pub const ERROR: usize = 5;
+/// Calibrations that succeed when asked for (`hd.rs`).
+pub const STYLES: usize = 6;
+/// Position, three numbers, in the library's axes and units; so are the next four.
+pub const POSITION: usize = 8;
+/// Axes of the handle: three rows of the matrix, nine numbers.
+pub const AXES: usize = 11;
+pub const VELOCITY: usize = 20;
+pub const ANGULAR_VELOCITY: usize = 23;
+/// The force and torque that were commanded last, six numbers.
+pub const WRENCH: usize = 26;
+/// Number of samples, of opened and of closed devices.
+pub const SAMPLES: usize = 32;
+pub const OPENED: usize = 33;
+pub const CLOSED: usize = 34;
+/// Number of calls that the library's reference forbids.
+pub const MISUSES: usize = 35;
+/// Whether force is enabled.
+pub const IS_ENABLED: usize = 36;
+/// Number of calibrations.
+pub const CALIBRATIONS: usize = 37;
