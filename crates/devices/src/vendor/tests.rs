@@ -100,6 +100,14 @@ fn tick_until<L: Library>(
     }
 }
 
+fn wait_until(mut done: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !done() {
+        assert!(started.elapsed() < PATIENCE, "the condition did not hold");
+        thread::sleep(Duration::from_micros(200));
+    }
+}
+
 fn push(force: DVec3) -> Wrench {
     Wrench { force, torque: DVec3::ZERO }
 }
@@ -165,7 +173,7 @@ fn touch_in_its_units() {
     tick_until(&mut device, push(force), |reading| reading.is_ok_and(|r| r.state.velocity != DVec3::ZERO));
     tick_until(&mut device, push(force), |_| stand_in.three(WRENCH) == force);
     assert_moved(&device.read(0.0).unwrap());
-    // A later sample has all of what was set above.
+    device.write(&push(force)).unwrap();
     device.close();
     let ends = [stand_in.get(CLOSED), stand_in.get(MISUSES), stand_in.get(IS_ENABLED)];
     assert_eq!((ends, stand_in.three(WRENCH)), ([1.0, 0.0, 0.0], DVec3::ZERO));
@@ -246,10 +254,7 @@ fn no_wrench_beyond_the_limits_nor_an_old_one() {
         let length = || stand_in.three(WRENCH).length();
         tick_until(&mut device, push(DVec3::new(60.0, 80.0, 0.0)), |_| length() > 0.0);
         assert!((length() - most).abs() < 1e-9, "played {} N of {most} N", length());
-        let waited = Instant::now();
-        while length() > 0.0 {
-            assert!(waited.elapsed() < PATIENCE, "an old force is still played");
-        }
+        wait_until(|| length() == 0.0);
         tick_until(&mut device, push(DVec3::X), |_| length() > 0.0);
         tick_until(&mut device, push(DVec3::new(0.0, f64::NAN, 0.0)), |_| length() == 0.0);
     }
@@ -279,6 +284,13 @@ fn faults_end_the_force_and_pass() {
         }
         stand_in.set(fault.0, &[well]);
         tick_until(&mut device, push(DVec3::X), |reading| reading.is_ok() && force() != DVec3::ZERO);
+        // A fault of one sample lasts long enough to be read.
+        let samples = stand_in.get(SAMPLES);
+        stand_in.set(fault.0, &[fault.1]);
+        wait_until(|| stand_in.get(SAMPLES) > samples + 1.0);
+        stand_in.set(fault.0, &[well]);
+        thread::sleep(Duration::from_millis(5));
+        tick_until(&mut device, push(DVec3::X), |reading| reading.is_err());
         device.close();
         assert_eq!((force(), stand_in.get(MISUSES)), (DVec3::ZERO, 0.0));
     }

@@ -83,10 +83,10 @@ pub unsafe extern "C" fn hdInitDevice(name: *const c_char) -> c_uint {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn hdDisableDevice(device: c_uint) {
-    if device != DEVICE || IS_RUNNING.load(SeqCst) {
+    // A driver ends the force and the scheduler before.
+    if device != DEVICE || IS_RUNNING.load(SeqCst) || (0..6).any(|k| get(WRENCH + k) != 0.0) {
         count(MISUSES);
     }
-    (0..6).for_each(|k| set(WRENCH + k, 0.0));
     set(IS_ENABLED, 0.0);
     count(CLOSED);
 }
