@@ -97,7 +97,10 @@ pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault
         )));
     };
     let state = arm.state.as_ref().ok_or_else(|| garbled("an inverse3 without its state".into()))?;
+    // What a custom grip sends is its maker's choice; one that sends no orientation as the others do is passed over.
+    let custom = frame.custom_verse_grip.into_iter().flatten().filter_map(|grip| serde_json::from_value(grip).ok());
     let grips = [frame.verse_grip, frame.wireless_verse_grip].into_iter().flatten().flatten();
+    let grips = grips.chain(custom);
     let grip = grips.filter(Grip::is_awake).find_map(|grip| grip.state.filter(|state| state.orientation.is_some()));
     let orientation = grip.as_ref().and_then(|grip| grip.orientation.as_ref()).map(Quaternion::checked).transpose()?;
     let state = State {
@@ -118,6 +121,7 @@ struct Frame {
     inverse3: Option<Vec<Arm>>,
     verse_grip: Option<Vec<Grip>>,
     wireless_verse_grip: Option<Vec<Grip>>,
+    custom_verse_grip: Option<Vec<Value>>,
 }
 
 #[derive(Deserialize)]
@@ -253,6 +257,22 @@ mod tests {
         let expected = from_service(sent * v);
         assert!((read.orientation.unwrap() * from_service(v) - expected).length() < 1e-12);
         assert_eq!(read.buttons, 0b110);
+    }
+
+    #[test]
+    fn a_custom_grip_counts_if_it_is_like_the_others() {
+        let of = |custom: Value| {
+            let mut frame: Value = serde_json::from_str(&grips("A", json!([]), json!([]))).unwrap();
+            frame["custom_verse_grip"] = custom;
+            state(&frame.to_string()).unwrap()
+        };
+        let turned = json!({"w": 0, "x": 0, "y": 0, "z": 1});
+        let read = of(json!([{"state": {"raw": [1, 2]}}, {"state": {"orientation": turned, "buttons": {"b": true}}}]));
+        assert!(read.orientation.unwrap().dot(DQuat::from_rotation_y(std::f64::consts::PI)).abs() > 1.0 - 1e-12);
+        assert_eq!(read.buttons, 0b10);
+        for other in [json!([]), json!([7]), json!([{"state": {"orientation": turned, "buttons": 3}}])] {
+            assert_eq!(of(other).orientation, None);
+        }
     }
 
     #[test]
