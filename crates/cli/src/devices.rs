@@ -3,11 +3,12 @@
 
 use std::time::{Duration, Instant};
 
+use clap::ValueEnum;
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::Device;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::profile::PREMIUM;
-use palpate::scene::{HandParameters, HaplyService, Key};
+use palpate::scene::{HandParameters, HaplyService, Key, Profile};
 use palpate::{Error, Result};
 use palpate_devices::resolution::Resolution;
 use palpate_devices::safety_check::{self, Finding, Guide};
@@ -27,6 +28,9 @@ pub struct Arguments {
     /// Also list what each device offers (queue, memory, limits), and which sizes are chosen for it
     #[arg(long)]
     verbose: bool,
+    /// List the haptic devices that can be opened instead, each with its profile, or the reason why there is none
+    #[arg(long, conflicts_with_all = ["verbose", "calibrate", "test"])]
+    haptic: bool,
     /// Measure the resolution of the haptic device that lies at rest, for the key `resolution` of a scene, and list no
     /// Vulkan device
     #[arg(long, value_name = "HAPTIC-DEVICE", conflicts_with = "verbose")]
@@ -98,6 +102,28 @@ fn calibrate(mut device: Box<dyn Device>) -> Result<()> {
     ))
 }
 
+/// Opens each kind of haptic device without force, and prints what was found.
+fn list_haptic(arguments: &Arguments) -> Result<()> {
+    let mut is_any_there = false;
+    for kind in [Kind::Haply, Kind::Touch, Kind::ForceDimension] {
+        let name = kind.to_possible_value().map_or_else(String::new, |value| value.get_name().into());
+        let mut device = haptic_device(kind, arguments)?;
+        let found = match device.open() {
+            Ok(()) => {
+                is_any_there = true;
+                let Profile { name, max_force, workspace, .. } = device.profile().clone();
+                let notes: String = device.notes().iter().map(|note| format!("; {note}")).collect();
+                format!("profile {name}: at most {max_force} N, {:.0} mm from its place{notes}", 1e3 * workspace)
+            }
+            Err(fault) => fault.to_string(),
+        };
+        device.close();
+        print(&format!("{name:<16} {found}\n"))?;
+    }
+    let none = || Error::NoDevice("no haptic device can be opened; the list above says why".into());
+    is_any_there.then_some(()).ok_or_else(none)
+}
+
 /// Checks a haptic device that a person holds, and prints what was found.
 fn test(mut device: Box<dyn Device>, has_watchdog: bool) -> Result<()> {
     let stop = Stop::or_suspended()?;
@@ -131,6 +157,9 @@ pub fn devices(arguments: &Arguments) -> Result<()> {
         return Err(Error::Usage(
             "--address and --unit name a haptic device: give --calibrate or --test as well".into(),
         ));
+    }
+    if arguments.haptic {
+        return list_haptic(arguments);
     }
     if let Some(kind) = arguments.test {
         return test(haptic_device(kind, arguments)?, kind != Kind::Hand);

@@ -324,6 +324,17 @@ fn a_device_is_driven_through_the_library_of_its_maker() {
         assert!(report["ticks"].as_u64().unwrap() > 100 && report["profile"] == profile, "summary: {report}");
         assert_eq!(report["events"]["device_lost"], Value::Null, "summary: {report}");
     }
+    let list = |path: &Path| {
+        let list = program().args(["devices", "--haptic"]).env("LD_LIBRARY_PATH", path).env("STAND_IN", "1").output();
+        let list = list.unwrap();
+        (list.status.code(), String::from_utf8(list.stdout).unwrap())
+    };
+    let (status, found) = list(folder.path());
+    let lines: Vec<&str> = found.lines().collect();
+    assert!(status == Some(0) && lines.len() == 3, "status {status:?}: {found}");
+    assert!(lines[1].starts_with("touch            profile touch") && lines[2].contains("profile sigma.7"), "{found}");
+    let (status, found) = list(Path::new("/nowhere"));
+    assert!(status == Some(3) && found.contains("install OpenHaptics"), "status {status:?}: {found}");
 }
 
 /// The check of a device, rehearsed with the simulated hand.
