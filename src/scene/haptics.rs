@@ -31,7 +31,7 @@ pub struct Haptics {
     pub has_device: bool,
     /// The kind of device.
     pub device: DeviceKind,
-    /// The profile of a simulated device; for a device made by Haply, a profile that lowers the device's own limits.
+    /// The profile of a simulated device; for a real device, a profile that lowers the device's own limits.
     /// `None`: the device's own profile.
     pub profile: Option<&'static Profile>,
     /// Resolution of the device's positions (the step of its encoders), m. `None`: the profile's.

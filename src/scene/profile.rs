@@ -140,6 +140,25 @@ impl Profile {
         self.limits().iter().zip(other.limits()).all(|((_, own), (_, others))| *own <= others)
     }
 
+    /// This profile with the lower of each limit of both.
+    pub fn lowered_by(&self, other: &Profile) -> Profile {
+        Profile {
+            max_force: self.max_force.min(other.max_force),
+            max_torque: self.max_torque.min(other.max_torque),
+            stiffness: self.stiffness.min(other.stiffness),
+            damping: self.damping.min(other.damping),
+            angular_stiffness: self.angular_stiffness.min(other.angular_stiffness),
+            angular_damping: self.angular_damping.min(other.angular_damping),
+            workspace: self.workspace.min(other.workspace),
+            ..self.clone()
+        }
+    }
+
+    /// This profile for a device, or a driver, that plays no torque.
+    pub fn without_torque(&self) -> Profile {
+        Profile { max_torque: 0.0, angular_stiffness: 0.0, angular_damping: 0.0, ..self.clone() }
+    }
+
     /// All limits, each with the name of its field.
     fn limits(&self) -> [(&'static str, f64); 7] {
         [

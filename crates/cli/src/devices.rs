@@ -130,7 +130,10 @@ fn test(mut device: Box<dyn Device>, has_watchdog: bool) -> Result<()> {
     device.open().map_err(|fault| Error::NoDevice(fault.to_string()))?;
     device.notes().iter().for_each(|note| tell(note));
     let begun = Instant::now();
-    let mut wait = |time: f64| std::thread::sleep(Duration::from_secs_f64(time).saturating_sub(begun.elapsed()));
+    let mut wait = |time: f64| {
+        std::thread::sleep(Duration::from_secs_f64(time).saturating_sub(begun.elapsed()));
+        begun.elapsed().as_secs_f64()
+    };
     let mut say = |line: &str| tell(line);
     let flag = stop.flag();
     let mut guide = Guide { wait: &mut wait, say: &mut say, stop: &flag, has_watchdog };

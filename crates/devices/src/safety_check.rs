@@ -1,6 +1,6 @@
 //! A check of a haptic device with little force, before a first session with it: whether readings are plausible, each
 //! direction pushes the handle that way, and no force remains where none is commanded. The person who holds the handle
-//! is told what to do. A *tick* reads the device and commands a force once, a thousand times a second.
+//! is told what to do. A *tick* reads the device and commands a force once, about a thousand times a second.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -27,9 +27,11 @@ const SILENCE: f64 = 0.3;
 const LEAST_WAY: f64 = 5e-3;
 /// Least way of the handle under a push that counts as a motion, m.
 const LEAST_PUSH: f64 = 2e-4;
-/// Greatest speed of the handle while it is pushed, m/s, and greatest way, m: beyond either the check ends.
+/// Greatest speed of the handle from the first push on, m/s, and greatest way from where a part began, m: beyond either
+/// the check ends. The speed is taken over `SPAN` s, since the encoder's steps are felt in that of a tick.
 const FASTEST: f64 = 0.5;
 const FARTHEST: f64 = 0.05;
+const SPAN: f64 = 0.01;
 /// Greatest speed of a hand, m/s: a faster reading is wrong.
 const IMPLAUSIBLE: f64 = 5.0;
 /// Greatest mean speed of the handle after the release, m/s.
@@ -56,8 +58,8 @@ pub struct Finding {
 
 /// How the check keeps time and speaks to the person.
 pub struct Guide<'a> {
-    /// Waits until a time, s since the check began.
-    pub wait: &'a mut dyn FnMut(f64),
+    /// Waits until a time, s since the check began, and returns the time then.
+    pub wait: &'a mut dyn FnMut(f64) -> f64,
     /// Says a line to the person.
     pub say: &'a mut dyn FnMut(&str),
     /// Set to end the check.
@@ -69,11 +71,12 @@ pub struct Guide<'a> {
 /// Checks an open device. It has no force at the end, however the check ends.
 ///
 /// # Errors
-/// A line with the reason why the check could not go on: the device is lost, moves too fast or too far, or a person ends
-/// the check.
+/// A line with the reason why the check could not go on: the device is lost, does not move freely, moves too fast or too
+/// far, or a person ends the check.
 pub fn check(device: &mut dyn Device, guide: &mut Guide) -> Result<Vec<Finding>, String> {
     let has_watchdog = guide.has_watchdog;
-    let mut checker = Checker { force: SHARE * device.profile().max_force, device, guide, tick: 0, last: None };
+    let force = SHARE * device.profile().max_force;
+    let mut checker = Checker { force, device, guide, time: 0.0, last: None, guard: None };
     let found = checker.parts(has_watchdog);
     // Where this fails, nothing more can be done.
     let _ = checker.device.write(&Wrench::ZERO);
@@ -97,13 +100,20 @@ struct Checker<'a, 'g> {
     guide: &'a mut Guide<'g>,
     /// Force of a push, N.
     force: f64,
-    tick: u64,
-    last: Option<DVec3>,
+    /// Time of the last tick, s since the check began.
+    time: f64,
+    last: Option<(f64, DVec3)>,
+    /// From the first push on: where the part began, and a place with its time for the speed.
+    guard: Option<(DVec3, f64, DVec3)>,
 }
 
 impl Checker<'_, '_> {
     fn parts(&mut self, has_watchdog: bool) -> Result<Vec<Finding>, String> {
-        let mut found = vec![self.moves_freely()?];
+        let free = self.moves_freely()?;
+        if !free.is_well {
+            return Err(free.text);
+        }
+        let mut found = vec![free];
         (self.guide.say)(&format!("hold the handle loosely: it is pushed six times, with {:.2} N", self.force));
         for (name, direction) in DIRECTIONS {
             found.push(self.pushes(name, direction)?);
@@ -124,24 +134,42 @@ impl Checker<'_, '_> {
             let wrench = Wrench { force, torque: DVec3::ZERO };
             self.device.write(&wrench).map_err(|fault| fault.to_string())?;
         }
-        self.tick += 1;
-        let time = self.tick as f64 * PERIOD;
-        (self.guide.wait)(time);
+        // Ticks that were missed are not made up for.
+        self.time = (self.guide.wait)(self.time + PERIOD);
+        let time = self.time;
         let place = self.device.read(time).map_err(|fault| fault.to_string())?.state.position;
         if !place.is_finite() {
             return Err("the device's position is not finite".into());
         }
-        let way = self.last.replace(place).map_or(0.0, |last| last.distance(place));
-        if way > IMPLAUSIBLE * PERIOD {
-            return Err(format!("the device's position leapt by {:.1} mm within a reading", 1e3 * way));
+        let (before, last) = self.last.replace((time, place)).unwrap_or((time, place));
+        if last.distance(place) > IMPLAUSIBLE * (time - before).max(PERIOD) {
+            return Err(format!("the device's position leapt by {:.1} mm", 1e3 * last.distance(place)));
         }
+        if let Some((begin, since, from)) = &mut self.guard {
+            if time - *since >= SPAN {
+                if from.distance(place) > FASTEST * (time - *since) {
+                    return Err(format!("the handle moved faster than {FASTEST} m/s under {:.2} N", self.force));
+                }
+                (*since, *from) = (time, place);
+            }
+            if begin.distance(place) > FARTHEST {
+                return Err(format!("the handle moved farther than {:.0} mm: hold it", 1e3 * FARTHEST));
+            }
+        }
+        Ok(place)
+    }
+
+    /// Begins a part in which speed and way of the handle are bounded; returns where it is.
+    fn guarded(&mut self) -> Result<DVec3, String> {
+        let place = self.tick(Some(DVec3::ZERO))?;
+        self.guard = Some((place, self.time, place));
         Ok(place)
     }
 
     fn moves_freely(&mut self) -> Result<Finding, String> {
         (self.guide.say)("move the handle a few centimetres to the right, up and towards you, and back");
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for _ in 0..(FREE / PERIOD) as u64 {
+        while self.time < FREE {
             let place = self.tick(Some(DVec3::ZERO))?;
             (low, high) = (low.min(place), high.max(place));
         }
@@ -155,29 +183,21 @@ impl Checker<'_, '_> {
 
     /// Pushes in a direction; returns where the handle was, and its way up to the end of the full force, m.
     fn push(&mut self, direction: DVec3) -> Result<[DVec3; 2], String> {
-        let begin = self.tick(Some(DVec3::ZERO))?;
-        let (mut place, mut before) = (begin, begin);
-        for k in 0..((RISE + STAY) / PERIOD) as u64 {
-            let share = (k as f64 * PERIOD / RISE).min(1.0);
+        let begin = self.guarded()?;
+        let (mut place, begun) = (begin, self.time);
+        while self.time < begun + RISE + STAY {
+            let share = ((self.time - begun) / RISE).min(1.0);
             place = self.tick(Some(share * self.force * direction))?;
-            // The speed is taken over 10 ms, since the encoder's steps are felt in that of a tick.
-            if k % 10 == 9 {
-                if before.distance(place) > FASTEST * 10.0 * PERIOD {
-                    return Err(format!("the handle moved faster than {FASTEST} m/s under {:.2} N", self.force));
-                }
-                before = place;
-            }
-            if begin.distance(place) > FARTHEST {
-                return Err(format!("the handle moved farther than {:.0} mm: hold it", 1e3 * FARTHEST));
-            }
         }
         Ok([begin, place - begin])
     }
 
     fn pushes(&mut self, name: &str, direction: DVec3) -> Result<Finding, String> {
         let [_, moved] = self.push(direction)?;
-        for k in 0..(FALL / PERIOD) as u64 {
-            self.tick(Some((1.0 - k as f64 * PERIOD / FALL) * self.force * direction))?;
+        let begun = self.time;
+        while self.time < begun + FALL {
+            let share = 1.0 - (self.time - begun) / FALL;
+            self.tick(Some(share * self.force * direction))?;
         }
         let way = moved.dot(direction);
         let aside = (moved - way * direction).length();
@@ -194,16 +214,14 @@ impl Checker<'_, '_> {
 
     /// After the pushes no force remains.
     fn rests(&mut self) -> Result<Finding, String> {
-        let ticks = (RELEASE / PERIOD) as u64;
-        let mut way = 0.0;
-        let mut before = self.tick(Some(DVec3::ZERO))?;
-        for _ in 0..ticks / 10 {
-            let mut place = before;
-            for _ in 0..10 {
-                place = self.tick(Some(DVec3::ZERO))?;
+        let mut before = self.guarded()?;
+        let (begun, mut since, mut way) = (self.time, self.time, 0.0);
+        while self.time < begun + RELEASE {
+            let place = self.tick(Some(DVec3::ZERO))?;
+            if self.time - since >= SPAN {
+                way += before.distance(place);
+                (before, since) = (place, self.time);
             }
-            way += before.distance(place);
-            before = place;
         }
         let speed = way / RELEASE;
         let text = format!("released, the handle moved at {:.0} mm/s", 1e3 * speed);
@@ -214,14 +232,16 @@ impl Checker<'_, '_> {
     fn falls_silent(&mut self) -> Result<Finding, String> {
         let [begin, pushed] = self.push(DVec3::Y)?;
         let mut place = begin;
-        for _ in 0..(SILENCE / PERIOD) as u64 {
+        let begun = self.time;
+        while self.time < begun + SILENCE {
             place = self.tick(None)?;
         }
         let left = (place - begin).dot(DVec3::Y);
         self.tick(Some(DVec3::ZERO))?;
         let [left, pushed] = [left, pushed.y].map(|way| 1e3 * way);
-        let text = format!("left without commands, the handle came back to {left:.1} mm from {pushed:.1} mm");
-        Ok(Finding { text, is_well: left < 0.5 * pushed })
+        let remedy = if pushed > 1e3 * LEAST_PUSH { "" } else { ": hold it more loosely, and check again" };
+        let text = format!("left without commands, the handle came back to {left:.1} mm from {pushed:.1} mm{remedy}");
+        Ok(Finding { text, is_well: remedy.is_empty() && left < 0.5 * pushed })
     }
 }
 
@@ -239,6 +259,8 @@ mod tests {
         silent: u32,
         greatest: f64,
         last: Wrench,
+        /// Velocity and way of a handle that is let go.
+        free: [DVec3; 2],
     }
 
     #[derive(Debug, Clone, Copy, PartialEq)]
@@ -255,6 +277,10 @@ mod tests {
         /// A reading leaps.
         Leap,
         Lost,
+        /// The position stays what it was.
+        Frozen,
+        /// Nobody holds the handle, of 20 g, when it is pushed.
+        LetGo,
     }
 
     impl Device for Driver {
@@ -274,6 +300,12 @@ mod tests {
             let mut reading = self.hand.read(time)?;
             match self.wrong {
                 Wrong::Leap if time > 7.0 => reading.state.position.x += 0.1,
+                Wrong::LetGo => {
+                    self.free[0] += self.last.force / 0.02 * PERIOD;
+                    self.free[1] += self.free[0] * PERIOD;
+                    reading.state.position += self.free[1];
+                }
+                Wrong::Frozen => reading.state.position = DVec3::ZERO,
                 Wrong::Lost if time > 7.0 => return Err(Fault::Lost("unplugged".into())),
                 _ => {}
             }
@@ -300,12 +332,19 @@ mod tests {
     }
 
     fn checked(wrong: Wrong) -> (Result<Vec<Finding>, String>, Driver) {
-        let mut driver =
-            Driver { hand: rehearsal(TOUCH).unwrap(), wrong, silent: 0, greatest: 0.0, last: Wrench::ZERO };
+        let mut driver = Driver {
+            hand: rehearsal(TOUCH).unwrap(),
+            wrong,
+            silent: 0,
+            greatest: 0.0,
+            last: Wrench::ZERO,
+            free: [DVec3::ZERO; 2],
+        };
         driver.open().unwrap();
         let (mut said, stop) = (Vec::new(), AtomicBool::new(false));
         let mut say = |line: &str| said.push(line.to_string());
-        let mut guide = Guide { wait: &mut |_| {}, say: &mut say, stop: &stop, has_watchdog: true };
+        let mut wait = |time: f64| time;
+        let mut guide = Guide { wait: &mut wait, say: &mut say, stop: &stop, has_watchdog: true };
         let found = check(&mut driver, &mut guide);
         assert_eq!(driver.last, Wrench::ZERO, "a force remains after {wrong:?}");
         assert!(driver.greatest <= SHARE * TOUCH.max_force + 1e-12, "{} N", driver.greatest);
@@ -324,25 +363,21 @@ mod tests {
         // Pushed along y it moves along z: neither is a motion along the push. The last part pushes along y too.
         assert_eq!(failed(Wrong::Axes)[..4], [3, 4, 5, 6]);
         assert_eq!(failed(Wrong::NoWatchdog), [8]);
-        assert_eq!(failed(Wrong::Weak)[..6], [1, 2, 3, 4, 5, 6]);
-        for (wrong, said) in [(Wrong::Leap, "leapt by 100"), (Wrong::Lost, "unplugged")] {
+        // A watchdog cannot be seen where nothing pushes.
+        assert_eq!(failed(Wrong::Weak), [1, 2, 3, 4, 5, 6, 8]);
+        for (wrong, said) in
+            [(Wrong::Leap, "leapt by 100"), (Wrong::Lost, "unplugged"), (Wrong::Frozen, "move it farther")]
+        {
             assert!(checked(wrong).0.unwrap_err().contains(said), "{wrong:?}");
         }
     }
 
     #[test]
     fn a_handle_that_nobody_holds_ends_the_check() {
-        let free =
-            HandParameters { stiffness: 0.0, damping: 0.0, mass: 0.02, friction: 0.0, ..HandParameters::default() };
-        let key = |time: f64| Key { time, position: DVec3::ZERO, orientation: DQuat::IDENTITY };
-        let mut hand = Hand::new(free, Trajectory::new(&[key(0.0), key(1.0)], key(0.0)), TOUCH).unwrap();
-        hand.open().unwrap();
-        let stop = AtomicBool::new(false);
-        let mut guide = Guide { wait: &mut |_| {}, say: &mut |_| {}, stop: &stop, has_watchdog: false };
-        let said = check(&mut hand, &mut guide).unwrap_err();
+        let said = checked(Wrong::LetGo).0.unwrap_err();
         assert!(said.contains("faster than") || said.contains("farther than"), "{said}");
-        stop.store(true, Ordering::Relaxed);
-        let mut guide = Guide { wait: &mut |_| {}, say: &mut |_| {}, stop: &stop, has_watchdog: false };
+        let (mut hand, stop) = (rehearsal(TOUCH).unwrap(), AtomicBool::new(true));
+        let mut guide = Guide { wait: &mut |time| time, say: &mut |_| {}, stop: &stop, has_watchdog: false };
         assert_eq!(check(&mut hand, &mut guide), Err("the check was ended".into()));
     }
 }

@@ -28,10 +28,12 @@ use triple_buffer::{Input, Output, triple_buffer};
 use force_dimension::Dhd;
 use touch::OpenHaptics;
 
-/// A Touch, Touch X or Phantom of 3D Systems, through OpenHaptics (`libHD`). Its torque is not driven.
+/// A Touch, Touch X or Phantom of 3D Systems, through OpenHaptics (`libHD`); one at a time in a program, since the library
+/// has one scheduler. Its torque is not driven.
 pub type Touch = Vendor<OpenHaptics>;
-/// An omega, delta, sigma or lambda of Force Dimension, or a Novint Falcon, through Force Dimension's SDK (`libdhd`).
-/// Its gripper is not driven.
+/// An omega, delta, sigma or lambda of Force Dimension, or a Novint Falcon, through Force Dimension's SDK (`libdrd`).
+/// Its gripper is not driven. The SDK's gravity compensation stays on: besides the commanded wrench it carries the
+/// device's own weight, from the first commanded wrench on.
 pub type ForceDimension = Vendor<Dhd>;
 
 /// Longest time that opening waits for the device's first sample.
@@ -45,8 +47,10 @@ const SAMPLE_LIFE: Duration = Duration::from_millis(50);
 const FAULT_LIFE: Duration = Duration::from_millis(50);
 /// Rates at which the device may be sampled, Hz.
 const RATES: std::ops::RangeInclusive<f64> = 50.0..=4000.0;
-/// Greatest age of a wrench of the haptic loop that is still played; instead of an older one, none is.
+/// Greatest age of a wrench of the haptic loop that is still played, at least three periods of the loop; instead of an
+/// older one, none is.
 const ORDER_LIFE: Duration = Duration::from_millis(20);
+const ORDER_PERIODS: u32 = 3;
 
 /// How a device is found and used.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,10 +81,9 @@ impl Default for Settings {
 struct Found {
     /// What the library calls it, with its serial number if it has one.
     name: String,
-    /// The profile of this type of device, and whether the type is known.
-    profile: &'static Profile,
+    /// Limits and abilities of the device, and whether its type is known.
+    profile: Profile,
     is_known: bool,
-    senses_rotation: bool,
 }
 
 /// The newest measurement, in palpate's axes and SI units.
@@ -107,10 +110,12 @@ struct Desk {
     stop: Arc<AtomicBool>,
     /// Greatest force, N, and torque, N m, that may be commanded.
     most: [f64; 2],
+    /// Time between two readings of the haptic loop, and the greatest age of a wrench that is played.
     period: Duration,
+    order_life: Duration,
     sample: Sample,
-    /// When the last fault was reported.
-    ill: Option<Instant>,
+    /// Until when the device is not well, after the last fault.
+    ill_until: Option<Instant>,
 }
 
 impl Desk {
@@ -121,7 +126,7 @@ impl Desk {
     /// Publishes a measurement.
     fn publish(&mut self, state: RigidState, buttons: u32) {
         self.sample.state = Some((Instant::now(), state, buttons));
-        if self.ill.is_none_or(|at| at.elapsed() > FAULT_LIFE) {
+        if self.ill_until.is_none_or(|until| Instant::now() > until) {
             self.sample.trouble = None;
         }
         self.samples.write(self.sample.clone());
@@ -129,16 +134,26 @@ impl Desk {
 
     /// Publishes a fault; the last measurement stays until it is too old.
     fn report(&mut self, fault: Fault) {
+        self.report_for(FAULT_LIFE, fault);
+    }
+
+    /// Publishes a fault, after which the device is not well for `life`.
+    fn report_for(&mut self, life: Duration, fault: Fault) {
         self.sample.trouble = Some(fault);
-        self.ill = Some(Instant::now());
+        self.ill_until = Some(Instant::now() + life);
         self.samples.write(self.sample.clone());
+    }
+
+    /// Whether the haptic loop has commanded anything yet.
+    fn is_commanded(&mut self) -> bool {
+        self.orders.read().written.is_some()
     }
 
     /// The wrench to command now: the newest of the haptic loop within the limits, or none where it is too old, is not
     /// finite, or the device is not well.
     fn wrench(&mut self) -> Wrench {
-        let order = self.orders.read();
-        let is_meant = order.written.is_some_and(|at| at.elapsed() <= ORDER_LIFE);
+        let order = self.orders.read().clone();
+        let is_meant = order.written.is_some_and(|at| at.elapsed() <= self.order_life);
         let Wrench { force, torque } = order.wrench;
         if !is_meant || self.is_stopping() || self.sample.trouble.is_some() || !(force + torque).is_finite() {
             return Wrench::ZERO;
@@ -181,6 +196,9 @@ struct Line<R> {
     stop: Arc<AtomicBool>,
     /// World position of the device's origin, m.
     offset: DVec3,
+    /// When the last wrench was written, and after what time the next one is too late.
+    written: Option<Instant>,
+    order_life: Duration,
     /// Kept for its end, which releases the device.
     _running: R,
 }
@@ -208,9 +226,9 @@ impl<L: Library> Vendor<L> {
         self.line.as_mut().ok_or_else(|| Fault::Lost("the device is not open".into()))
     }
 
-    /// The profile for a device: its own, or the one that was asked for if no limit of it is higher.
-    fn granted(&self, found: &Found) -> &'static Profile {
-        self.settings.profile.filter(|asked| asked.is_within(found.profile)).unwrap_or(found.profile)
+    /// The profile for a device: its own, with the lower of each limit of the one that was asked for.
+    fn granted(&self, found: &Found) -> Profile {
+        self.settings.profile.map_or_else(|| found.profile.clone(), |asked| found.profile.lowered_by(asked))
     }
 }
 
@@ -229,23 +247,26 @@ impl<L: Library> Device for Vendor<L> {
             let what = format!("the library found {} before, and now {}", before.name, found.name);
             return Err(Fault::Lost(format!("{what}: end the session and begin another")));
         }
-        let own = self.granted(&found);
-        self.profile = Profile { senses_rotation: found.senses_rotation, ..own.clone() };
+        self.profile = self.granted(&found);
         self.found = Some(found);
         let (input, samples) = triple_buffer(&Sample::default());
         let (orders, output) = triple_buffer(&Order::default());
         let stop = Arc::new(AtomicBool::new(false));
+        let period = Duration::from_secs_f64(1.0 / rate);
+        let order_life = ORDER_LIFE.max(ORDER_PERIODS * period);
         let desk = Desk {
             samples: input,
             orders: output,
             stop: stop.clone(),
             most: [self.profile.max_force, self.profile.max_torque],
-            period: Duration::from_secs_f64(1.0 / rate),
+            period,
+            order_life,
             sample: Sample::default(),
-            ill: None,
+            ill_until: None,
         };
         let running = library.begin(desk)?;
-        let line = self.line.insert(Line { samples, orders, stop, offset: DVec3::ZERO, _running: running });
+        let line = Line { samples, orders, stop, offset: DVec3::ZERO, written: None, order_life, _running: running };
+        let line = self.line.insert(line);
         let started = Instant::now();
         while started.elapsed() < OPEN_WAIT {
             if let Some((_, first, _)) = line.samples.read().state {
@@ -268,17 +289,16 @@ impl<L: Library> Device for Vendor<L> {
 
     fn notes(&self) -> Vec<String> {
         let Some(found) = &self.found else { return Vec::new() };
-        let granted = self.granted(found);
         let mut notes = vec![format!("the device is {}; this driver has never met a real one", found.name)];
         if !found.is_known {
             notes.push(format!(
                 "its type is not known, so that it gets the lowest limits, those of the profile {} (greatest force {} N)",
-                granted.name, granted.max_force
+                self.profile.name, self.profile.max_force
             ));
         }
-        if let Some(asked) = self.settings.profile.filter(|asked| asked.name != granted.name) {
-            let (asked, granted) = (asked.name, granted.name);
-            notes.push(format!("the profile {asked} exceeds the limits of the device: the profile {granted} is used"));
+        if let Some(asked) = self.settings.profile.filter(|asked| !asked.is_within(&found.profile)) {
+            let (asked, own) = (asked.name, self.profile.name);
+            notes.push(format!("of the profile {asked} those limits are used that lie below the device's own ({own})"));
         }
         notes
     }
@@ -299,10 +319,18 @@ impl<L: Library> Device for Vendor<L> {
         Ok(Reading { time: time - age.as_secs_f64(), state, buttons })
     }
 
-    /// Hands the wrench to the library's thread. Does not wait. If no other follows within 20 ms, none is played.
+    /// Hands the wrench to the library's thread. Does not wait. If no other follows within 20 ms (three periods, if that is
+    /// more), none is played. The wrench after such a pause is not played either, and is a fault, so that the haptic
+    /// loop lets the force return slowly.
     fn write(&mut self, wrench: &Wrench) -> Result<(), Fault> {
-        self.line()?.orders.write(Order { wrench: *wrench, written: Some(Instant::now()) });
-        Ok(())
+        let line = self.line()?;
+        let now = Instant::now();
+        let is_late = line.written.is_some_and(|last| now - last > line.order_life);
+        line.written = Some(now);
+        let wrench = if is_late { Wrench::ZERO } else { *wrench };
+        line.orders.write(Order { wrench, written: Some(now) });
+        let late = || Fault::Lost("no wrench was commanded for so long that the device plays none".into());
+        if is_late { Err(late()) } else { Ok(()) }
     }
 
     fn close(&mut self) {

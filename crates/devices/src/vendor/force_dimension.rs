@@ -1,7 +1,7 @@
-//! Devices of Force Dimension through `libdhd` of its SDK, version 3.6 or later (facts: the SDK's reference, as the
-//! documentation of `forcedimension_core` for Python gives it, and the drivers of CHAI3D 3.2). Positions are in m,
-//! forces in N; x points to the user, y to the right, z up. A thread of ours samples the device; each call waits for the
-//! device's USB interface, some tenths of a millisecond.
+//! Devices of Force Dimension through `libdrd` of its SDK, which contains `libdhd` (facts: the SDK's reference, as the
+//! documentation of `forcedimension_core` for Python gives it, and the drivers and the header of CHAI3D 3.2). Positions
+//! are in m, forces in N; x points to the user, y to the right, z up. A thread of ours samples the device; each call
+//! waits for the device's USB interface, some tenths of a millisecond.
 
 use std::ffi::{c_char, c_int, c_uchar, c_uint, c_ushort};
 use std::sync::Arc;
@@ -20,22 +20,36 @@ use super::library::{self, functions};
 use super::{CLOSE_WAIT, Desk, Found, Library, Settings};
 
 /// Names under which the system's loader may find the library.
-const NAMES: [&str; 3] = ["libdhd.so.3", "libdhd.so", "dhd64.dll"];
-const INSTALL: &str = "install Force Dimension's SDK, and let the loader find its libdhd (Linux: LD_LIBRARY_PATH)";
+const NAMES: [&str; 3] = ["libdrd.so.3", "libdrd.so", "drd64.dll"];
+const INSTALL: &str = "install Force Dimension's SDK, and let the loader find its libdrd as libdrd.so.3 (a link to the \
+                       SDK's file, in a folder of LD_LIBRARY_PATH)";
 const PLUG_IN: &str = "plug the device in and switch it on; on Linux, its USB device must be readable and writable";
-/// Numbers of device types, their profiles, and whether they have a wrist that senses rotation. A lambda gets the limits
-/// of a sigma.7, which are lower.
-const KNOWN: [(&[c_int], &Profile); 4] =
-    [(&[33, 34, 35, 36, 37], &OMEGA), (&[63], &DELTA), (&[104, 105, 206, 108, 109, 203], &SIGMA), (&[60], &FALCON)];
-/// Places in the list of a device's states: whether it is connected, and whether it has been calibrated.
-const CONNECTED: usize = 1;
-const CALIBRATED: usize = 3;
+/// Numbers of device types, their profiles, and whether their wrists play torque. A sigma.3, lambda.3 and lambda.7 get the
+/// limits of a sigma.7, a delta.3 those of a delta.6.
+const KNOWN: [(&[c_int], &Profile, bool); 6] = [
+    (&[33, 34, 35, 36, 37], &OMEGA, false),
+    (&[63], &DELTA, false),
+    (&[64], &DELTA, true),
+    (&[206, 203], &SIGMA, false),
+    (&[104, 105, 108, 109], &SIGMA, true),
+    (&[60], &FALCON, false),
+];
+/// Place, in the list of a device's states, of whether its forces are on.
+const FORCE: usize = 5;
 /// Length of the list that is handed out; versions up to 3.17 of the SDK write 17 numbers at most.
 const STATES: usize = 64;
-/// Pause before a device that was lost is looked for again.
+/// Number of samples from one look at the states to the next.
+const LOOK: u64 = 20;
+/// Longest time between two samples: the SDK derives velocities from positions of the last 20 ms.
+const LONGEST_PERIOD: Duration = Duration::from_millis(2);
+/// Number of samples that fail one after the other before the device is closed and looked for again, and the pause
+/// before that.
+const MOST_FAILURES: u32 = 10;
 const PAUSE: Duration = Duration::from_millis(500);
+/// Most devices that are looked at.
+const MOST_DEVICES: c_int = 16;
 
-/// A position in the device's axes, turned into palpate's: x to the right, y up, z to the user.
+/// A vector in the device's axes, turned into palpate's: x to the right, y up, z to the user.
 fn from_device(v: DVec3) -> DVec3 {
     DVec3::new(v.y, v.z, v.x)
 }
@@ -50,9 +64,10 @@ type Frame = [[f64; 3]; 3];
 functions! {
     /// Functions of the SDK. The last argument of most is the number of the device.
     Functions {
-        open = dhdOpen: unsafe extern "C" fn() -> c_int,
-        open_serial = dhdOpenSerial: unsafe extern "C" fn(c_int) -> c_int,
-        close = dhdClose: unsafe extern "C" fn(c_char) -> c_int,
+        device_count = dhdGetDeviceCount: unsafe extern "C" fn() -> c_int,
+        open = drdOpenID: unsafe extern "C" fn(c_char) -> c_int,
+        close = drdClose: unsafe extern "C" fn(c_char) -> c_int,
+        is_initialized = drdIsInitialized: unsafe extern "C" fn(c_char) -> bool,
         stop = dhdStop: unsafe extern "C" fn(c_char) -> c_int,
         enable_force = dhdEnableForce: unsafe extern "C" fn(c_uchar, c_char) -> c_int,
         get_status = dhdGetStatus: unsafe extern "C" fn(*mut c_int, c_char) -> c_int,
@@ -60,22 +75,25 @@ functions! {
         get_system_name = dhdGetSystemName: unsafe extern "C" fn(c_char) -> *const c_char,
         get_serial_number = dhdGetSerialNumber: unsafe extern "C" fn(*mut c_ushort, c_char) -> c_int,
         has_wrist = dhdHasWrist: unsafe extern "C" fn(c_char) -> bool,
-        get_position_and_orientation_frame = dhdGetPositionAndOrientationFrame:
+        get_position_and_frame = dhdGetPositionAndOrientationFrame:
             unsafe extern "C" fn(*mut f64, *mut f64, *mut f64, *mut Frame, c_char) -> c_int,
-        get_linear_velocity = dhdGetLinearVelocity: unsafe extern "C" fn(*mut f64, *mut f64, *mut f64, c_char) -> c_int,
-        get_angular_velocity_rad = dhdGetAngularVelocityRad: unsafe extern "C" fn(*mut f64, *mut f64, *mut f64, c_char) -> c_int,
+        get_linear_velocity = dhdGetLinearVelocity:
+            unsafe extern "C" fn(*mut f64, *mut f64, *mut f64, c_char) -> c_int,
+        get_angular_velocity = dhdGetAngularVelocityRad:
+            unsafe extern "C" fn(*mut f64, *mut f64, *mut f64, c_char) -> c_int,
         get_button_mask = dhdGetButtonMask: unsafe extern "C" fn(c_char) -> c_uint,
-        set_force_and_torque_and_gripper_force = dhdSetForceAndTorqueAndGripperForce:
+        set_wrench = dhdSetForceAndTorqueAndGripperForce:
             unsafe extern "C" fn(f64, f64, f64, f64, f64, f64, f64, c_char) -> c_int,
-        error_get_last_str = dhdErrorGetLastStr: unsafe extern "C" fn() -> *const c_char,
+        last_error = dhdErrorGetLastStr: unsafe extern "C" fn() -> *const c_char,
     }
 }
 
 /// The library with an open device, which is closed at the end.
 pub struct Dhd {
     functions: Functions,
-    serial: Option<c_int>,
-    id: c_char,
+    /// Number of the open device in the library; `None` while it is lost.
+    id: Option<c_char>,
+    serial: c_ushort,
     found: Found,
 }
 
@@ -87,13 +105,13 @@ impl Library for Dhd {
     fn open(settings: &Settings) -> Result<Dhd, Fault> {
         let number = |unit: &String| {
             let wrong = |_| Fault::Lost(format!("{unit:?} is no serial number: give one such as \"12345\""));
-            unit.trim().parse::<c_int>().map_err(wrong)
+            unit.trim().parse::<c_ushort>().map_err(wrong)
         };
-        let serial = settings.unit.as_ref().map(number).transpose()?;
+        let wanted = settings.unit.as_ref().map(number).transpose()?;
         let functions = Functions::of(library::open(settings.library.as_deref(), &NAMES, INSTALL)?)?;
-        let found = Found { name: String::new(), profile: &FALCON, is_known: false, senses_rotation: false };
-        let mut dhd = Dhd { functions, serial, id: -1, found };
-        dhd.connect()?;
+        let found = Found { name: String::new(), profile: FALCON, is_known: false };
+        let mut dhd = Dhd { functions, id: None, serial: 0, found };
+        dhd.connect(wanted)?;
         dhd.found = dhd.identity();
         Ok(dhd)
     }
@@ -113,61 +131,60 @@ impl Library for Dhd {
 // SAFETY of all calls in this block: the functions are called as the SDK documents them, with the number of a device that
 // is open; pointers are to variables that outlive the call and have the length that the function writes.
 impl Dhd {
-    /// Opens the device, which must be calibrated.
-    fn connect(&mut self) -> Result<(), Fault> {
+    /// Opens the device of this serial number, or the first one; it must be calibrated.
+    fn connect(&mut self, wanted: Option<c_ushort>) -> Result<(), Fault> {
         let f = &self.functions;
-        let id = match self.serial {
-            Some(serial) => unsafe { (f.open_serial)(serial) },
-            None => unsafe { (f.open)() },
-        };
-        let named = self.serial.map(|serial| format!(" of serial number {serial}")).unwrap_or_default();
-        self.id = c_char::try_from(id).ok().filter(|id| *id >= 0).ok_or_else(|| {
-            Fault::Lost(format!("no device{named} of Force Dimension can be opened ({}): {PLUG_IN}", self.error()))
-        })?;
-        match self.is_calibrated() {
-            Ok(true) => Ok(()),
-            Ok(false) => {
-                self.release();
-                let remedy = "move it through its workspace as its manual says, or run Force Dimension's Haptic Init";
-                Err(Fault::Lost(format!("the device is not calibrated: {remedy}")))
+        let count = unsafe { (f.device_count)() }.clamp(0, MOST_DEVICES);
+        for index in 0..count {
+            let index = c_char::try_from(index).unwrap_or_default();
+            let opened = unsafe { (f.open)(index) };
+            let Some(id) = c_char::try_from(opened).ok().filter(|_| opened >= 0) else { continue };
+            let mut serial = 0;
+            let is_read = unsafe { (f.get_serial_number)(&mut serial, id) } >= 0;
+            if wanted.is_none_or(|wanted| is_read && wanted == serial) {
+                (self.id, self.serial) = (Some(id), serial);
+                break;
             }
-            Err(fault) => {
-                self.release();
-                Err(fault)
-            }
+            unsafe { (f.close)(id) };
         }
+        let Some(id) = self.id else {
+            let named = wanted.map(|serial| format!(" of serial number {serial}")).unwrap_or_default();
+            let found = format!("among {count} devices of Force Dimension none{named} can be opened");
+            return Err(Fault::Lost(format!("{found} ({}): {PLUG_IN}", self.error())));
+        };
+        if unsafe { (self.functions.is_initialized)(id) } {
+            return Ok(());
+        }
+        self.release();
+        Err(Fault::Lost("the device is not calibrated: run Force Dimension's Haptic Init, or calibrate by hand".into()))
     }
 
-    fn is_calibrated(&self) -> Result<bool, Fault> {
-        let mut states = [0; STATES];
-        let done = unsafe { (self.functions.get_status)(states.as_mut_ptr(), self.id) };
-        self.well(done)?;
-        if states[CONNECTED] == 0 {
-            return Err(Fault::Lost("the device is not connected".into()));
-        }
-        Ok(states[CALIBRATED] != 0)
+    /// The number of the device, while it is open.
+    fn id(&self) -> Result<c_char, Fault> {
+        self.id.ok_or_else(|| Fault::Lost("the device is not open".into()))
     }
 
     fn identity(&self) -> Found {
-        let f = &self.functions;
-        let kind = unsafe { (f.get_system_type)(self.id) };
-        let name = unsafe { library::text((f.get_system_name)(self.id)) };
-        let mut serial = 0;
-        let has_serial = unsafe { (f.get_serial_number)(&mut serial, self.id) } >= 0;
-        let serial = if has_serial { format!(" (serial number {serial})") } else { String::new() };
-        let known = KNOWN.iter().find(|(kinds, _)| kinds.contains(&kind)).map(|(_, profile)| *profile);
-        let has_wrist = unsafe { (f.has_wrist)(self.id) };
+        let (f, id) = (&self.functions, self.id.unwrap_or_default());
+        let kind = unsafe { (f.get_system_type)(id) };
+        let name = unsafe { library::text((f.get_system_name)(id)) };
+        let known = KNOWN.iter().find(|(kinds, ..)| kinds.contains(&kind));
+        let profile = match known {
+            Some((_, profile, true)) => (*profile).clone(),
+            Some((_, profile, false)) => profile.without_torque(),
+            None => Dhd::SMALLEST.clone(),
+        };
+        let senses_rotation = unsafe { (f.has_wrist)(id) };
         Found {
-            name: format!("{name:?}{serial}"),
-            profile: known.unwrap_or(Dhd::SMALLEST),
+            name: format!("{name:?} (serial number {})", self.serial),
+            profile: Profile { senses_rotation, ..profile },
             is_known: known.is_some(),
-            senses_rotation: has_wrist,
         }
     }
 
     /// The library's text for its last error.
     fn error(&self) -> String {
-        unsafe { library::text((self.functions.error_get_last_str)()) }
+        unsafe { library::text((self.functions.last_error)()) }
     }
 
     /// The fault of a call that returned a negative number.
@@ -181,7 +198,7 @@ impl Dhd {
         // permitted.
         let _ = raise_priority();
         while !desk.is_stopping() {
-            let ended = if self.id < 0 { self.reconnect() } else { self.ticks(&mut desk) };
+            let ended = if self.id.is_none() { self.reconnect() } else { self.ticks(&mut desk) };
             if let Err(fault) = ended {
                 desk.report(fault);
                 self.release();
@@ -193,9 +210,9 @@ impl Dhd {
         }
     }
 
-    /// Opens the device again; any other is refused.
+    /// Opens the same device again.
     fn reconnect(&mut self) -> Result<(), Fault> {
-        self.connect()?;
+        self.connect(Some(self.serial))?;
         let now = self.identity();
         if now == self.found {
             return Ok(());
@@ -205,62 +222,93 @@ impl Dhd {
     }
 
     fn ticks(&mut self, desk: &mut Desk) -> Result<(), Fault> {
-        // Without force in the first tick: what was commanded before the device was lost is not meant for it any more.
-        self.play(Wrench::ZERO)?;
-        self.well(unsafe { (self.functions.enable_force)(1, self.id) })?;
-        let mut due = Instant::now();
-        while !desk.is_stopping() {
-            let (state, buttons) = self.sample()?;
-            match state.is_valid() {
-                true => desk.publish(state, buttons),
-                false => desk.report(Fault::Garbled("the pose or the velocity is not finite".into())),
+        let id = self.id()?;
+        let period = desk.period.min(LONGEST_PERIOD);
+        let (mut due, mut failures, mut is_on) = (Instant::now(), 0, false);
+        for tick in 0_u64.. {
+            if desk.is_stopping() {
+                break;
             }
-            self.play(desk.wrench())?;
-            due = (due + desk.period).max(Instant::now());
+            match self.sample(id) {
+                Ok((state, buttons)) if state.is_valid() => {
+                    failures = 0;
+                    desk.publish(state, buttons);
+                }
+                Ok(_) => desk.report(Fault::Garbled("the pose or the velocity is not finite".into())),
+                Err(fault) => {
+                    failures += 1;
+                    if failures >= MOST_FAILURES {
+                        return Err(fault);
+                    }
+                    desk.report(fault);
+                }
+            }
+            // Nothing moves the handle, not even the SDK's gravity compensation, before the haptic loop commands it.
+            if !is_on && desk.is_commanded() {
+                self.play(id, Wrench::ZERO)?;
+                self.well(unsafe { (self.functions.enable_force)(1, id) })?;
+                is_on = true;
+            }
+            if is_on {
+                if tick % LOOK == LOOK - 1 && !self.has_force(id)? {
+                    let why = "its forces are off: press its force button, and mind its limit of speed";
+                    desk.report(Fault::Lost(why.into()));
+                }
+                self.play(id, desk.wrench())?;
+            }
+            due = (due + period).max(Instant::now());
             thread::sleep(due.saturating_duration_since(Instant::now()));
         }
         Ok(())
     }
 
-    fn sample(&self) -> Result<(RigidState, u32), Fault> {
+    /// Whether the device's forces are on; its button, too great a speed and a silence of the computer switch them off.
+    fn has_force(&self, id: c_char) -> Result<bool, Fault> {
+        let mut states = [0; STATES];
+        self.well(unsafe { (self.functions.get_status)(states.as_mut_ptr(), id) })?;
+        Ok(states[FORCE] != 0)
+    }
+
+    fn sample(&self, id: c_char) -> Result<(RigidState, u32), Fault> {
         let f = &self.functions;
         let (mut p, mut v, mut w, mut frame) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO, Frame::default());
-        self.well(unsafe {
-            (f.get_position_and_orientation_frame)(&mut p.x, &mut p.y, &mut p.z, &mut frame, self.id)
-        })?;
-        self.well(unsafe { (f.get_linear_velocity)(&mut v.x, &mut v.y, &mut v.z, self.id) })?;
+        self.well(unsafe { (f.get_position_and_frame)(&mut p.x, &mut p.y, &mut p.z, &mut frame, id) })?;
+        // Velocities fail where the library has too few positions yet; then they count as zero.
+        if unsafe { (f.get_linear_velocity)(&mut v.x, &mut v.y, &mut v.z, id) } < 0 {
+            v = DVec3::ZERO;
+        }
         let mut orientation = DQuat::IDENTITY;
-        if self.found.senses_rotation {
-            self.well(unsafe { (f.get_angular_velocity_rad)(&mut w.x, &mut w.y, &mut w.z, self.id) })?;
+        if self.found.profile.senses_rotation {
+            if unsafe { (f.get_angular_velocity)(&mut w.x, &mut w.y, &mut w.z, id) } < 0 {
+                w = DVec3::ZERO;
+            }
             // The frame is given by rows; its columns are the handle's axes in the device's.
             let axes = DMat3::from_cols_array_2d(&frame).transpose();
             let turned = |axis: DVec3| from_device(axes * to_device(axis));
             let axes = DMat3::from_cols(turned(DVec3::X), turned(DVec3::Y), turned(DVec3::Z));
             orientation = DQuat::from_mat3(&axes);
         }
-        let buttons = unsafe { (f.get_button_mask)(self.id) };
+        let buttons = unsafe { (f.get_button_mask)(id) };
         let mut state = RigidState::at_rest(from_device(p), orientation);
         (state.velocity, state.angular_velocity) = (from_device(v), from_device(w));
         Ok((state, buttons))
     }
 
     /// Commands a wrench. Where motors saturate the library returns a positive number, and keeps the direction.
-    fn play(&self, wrench: Wrench) -> Result<(), Fault> {
-        let (force, torque) = (to_device(wrench.force), to_device(wrench.torque));
-        let [a, b, c] = force.to_array();
-        let [d, e, f] = torque.to_array();
-        self.well(unsafe { (self.functions.set_force_and_torque_and_gripper_force)(a, b, c, d, e, f, 0.0, self.id) })
+    fn play(&self, id: c_char, wrench: Wrench) -> Result<(), Fault> {
+        let [a, b, c] = to_device(wrench.force).to_array();
+        let [d, e, f] = to_device(wrench.torque).to_array();
+        self.well(unsafe { (self.functions.set_wrench)(a, b, c, d, e, f, 0.0, id) })
     }
 
     /// Commands no force, and closes the device; where that fails, nothing more can be done.
     fn release(&mut self) {
-        if self.id >= 0 {
-            let _ = self.play(Wrench::ZERO);
+        if let Some(id) = self.id.take() {
+            let _ = self.play(id, Wrench::ZERO);
             unsafe {
-                (self.functions.stop)(self.id);
-                (self.functions.close)(self.id);
+                (self.functions.stop)(id);
+                (self.functions.close)(id);
             }
-            self.id = -1;
         }
     }
 }

@@ -6,8 +6,8 @@ use std::path::Path;
 use libloading::Library;
 use palpate::internal::haptics::Fault;
 
-/// Opens the library `file`, or the first of `names` that the system's loader finds. Where none is found, the fault's
-/// text ends in `remedy`.
+/// Opens the library `file`, or the first of `names` that the system's loader can open. Where there is none, the fault's
+/// text is what the loader says of a file that it found, else of the first name, and ends in `remedy`.
 pub fn open(file: Option<&Path>, names: &[&str], remedy: &str) -> Result<Library, Fault> {
     // SAFETY: opening a library runs its code. It is the one that the user has installed under the name of the maker's,
     // or names outside of any scene.
@@ -19,7 +19,12 @@ pub fn open(file: Option<&Path>, names: &[&str], remedy: &str) -> Result<Library
     for name in names {
         match open(Path::new(name)) {
             Ok(library) => return Ok(library),
-            Err(error) => failure = failure.or(Some(error)),
+            Err(error) => {
+                let is_found = |error: &libloading::Error| !error.to_string().contains("No such file");
+                if failure.is_none() || is_found(&error) {
+                    failure = Some(error);
+                }
+            }
         }
     }
     Err(failure.map_or_else(|| Fault::Lost(remedy.into()), |error| lost(&error, remedy)))
@@ -35,8 +40,6 @@ macro_rules! functions {
         $(#[$about])*
         struct $name {
             $($field: $kind,)*
-            /// Keeps the library open as long as its functions may be called.
-            _library: libloading::Library,
         }
 
         impl $name {
@@ -46,7 +49,9 @@ macro_rules! functions {
                     let $field: $kind = *unsafe { library.get::<$kind>(stringify!($symbol).as_bytes()) }
                         .map_err(|_| $crate::vendor::library::lacks(stringify!($symbol)))?;
                 )*
-                Ok($name { $($field,)* _library: library })
+                // The library is never closed: a thread of its own may still run in it.
+                std::mem::forget(library);
+                Ok($name { $($field,)* })
             }
         }
     };

@@ -1,12 +1,12 @@
-//! Devices of 3D Systems (Touch, Touch X, Phantom) through `libHD` of OpenHaptics 3 (facts: its header `hdDefines.h` and
-//! the drivers of CHAI3D 3.2 and SOFA). Positions are in mm, forces in N; x points to the right, y up, z to the user, as
-//! in palpate. The library's scheduler calls a function of ours some thousand times a second, in which one *frame*
-//! reads the device and commands its force.
+//! Devices of 3D Systems (Touch, Touch X, Phantom) through `libHD` of OpenHaptics 3 (facts: its headers, reference and
+//! guide, and the drivers of CHAI3D 3.2 and SOFA). Positions are in mm, forces in N; x points to the right, y up, z to
+//! the user, as in palpate. The library's scheduler calls a function of ours about 1000 times a second; each call is a
+//! *frame*, which reads the device and commands its force, or calibrates it first.
 
 use std::ffi::{CString, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
-use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicU32};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -21,7 +21,7 @@ use super::{CLOSE_WAIT, Desk, Found, Library, Settings};
 /// Names under which the system's loader may find the library.
 const NAMES: [&str; 4] = ["libHD.so", "libHD.so.3", "libHD.so.3.4", "hd.dll"];
 const INSTALL: &str =
-    "install OpenHaptics and the device's driver, and let the loader find libHD (Linux: LD_LIBRARY_PATH)";
+    "install OpenHaptics and the device's driver, and let the loader find libHD.so (Linux: LD_LIBRARY_PATH)";
 const PLUG_IN: &str = "plug the device in, and set it up with the maker's Touch Setup, whose name for it is `unit`";
 /// How the names of models begin, and their profiles.
 const KNOWN: [(&str, &Profile); 3] = [("PHANTOM PREMIUM", &PREMIUM), ("TOUCH", &TOUCH), ("PHANTOM OMNI", &TOUCH)];
@@ -38,15 +38,21 @@ const FORCE: c_uint = 0x2700;
 const FORCE_OUTPUT: c_uint = 0x4000;
 const CALIBRATION_OK: c_uint = 0x5000;
 const CALIBRATION_NEEDS_UPDATE: c_uint = 0x5001;
-/// Ways to calibrate, from the one that needs no hand; each is a bit of what the device supports.
-const STYLES: [c_uint; 3] = [2, 4, 1];
+/// Ways to calibrate, each a bit of what the device supports: by itself, and in its inkwell. The third, which takes the
+/// present place of the arm for its neutral one, is left to the maker's program: wrong forces follow from a wrong place.
+const AUTOMATIC: c_uint = 2;
+const INKWELL: c_uint = 4;
+/// What a scheduled function returns.
 const DONE: c_uint = 0;
 const CONTINUE: c_uint = 1;
 const PRIORITY: c_ushort = c_ushort::MAX;
-/// Errors of a device are between these; others, such as too large a force, end by themselves.
+/// The error of motors that are too warm, and how long they are left to cool.
+const WARM_MOTORS: c_uint = 0x0200;
+const COOL_DOWN: Duration = Duration::from_secs(5);
+/// Errors of the device itself; others tell of too large a force or speed, or of too warm a motor.
 const DEVICE_ERRORS: std::ops::Range<c_uint> = 0x0300..0x0400;
-/// Greatest number of errors that are taken from the library's list in a frame.
-const MOST_ERRORS: usize = 8;
+/// Greatest number of errors that are taken from the library's list at a time.
+const MOST_ERRORS: usize = 64;
 /// Millimetres in a metre.
 const MM: f64 = 1e3;
 
@@ -87,7 +93,8 @@ functions! {
 /// The library with an open device, which is released at the end.
 pub struct OpenHaptics {
     functions: Functions,
-    device: c_uint,
+    /// Handle of the device; [`INVALID`] once it is released.
+    device: AtomicU32,
     found: Found,
 }
 
@@ -102,8 +109,8 @@ impl Library for OpenHaptics {
         let functions = Functions::of(library::open(settings.library.as_deref(), &NAMES, INSTALL)?)?;
         // SAFETY: the name is a text that ends in a zero byte, or null, which means the default device.
         let device = unsafe { (functions.init_device)(unit.as_ref().map_or(std::ptr::null(), |unit| unit.as_ptr())) };
-        let found = Found { name: String::new(), profile: &TOUCH, is_known: false, senses_rotation: true };
-        let mut library = OpenHaptics { functions, device, found };
+        let found = Found { name: String::new(), profile: TOUCH, is_known: false };
+        let mut library = OpenHaptics { functions, device: AtomicU32::new(device), found };
         let named = settings.unit.as_ref().map(|unit| format!(" called {unit:?}")).unwrap_or_default();
         let failed = |why: String| Fault::Lost(format!("no device{named} can be opened ({why}): {PLUG_IN}"));
         match library.error() {
@@ -111,7 +118,6 @@ impl Library for OpenHaptics {
             None if device == INVALID => return Err(failed("the library gives no reason".into())),
             None => {}
         }
-        library.calibrate()?;
         library.found = library.identity();
         Ok(library)
     }
@@ -122,75 +128,81 @@ impl Library for OpenHaptics {
 
     fn begin(self, desk: Desk) -> Result<Scheduled, Fault> {
         let stop = desk.stop.clone();
-        let shared = Arc::new(Shared { library: self, desk: Mutex::new(desk), has_stopped: AtomicBool::new(false) });
+        let work = Work { desk, is_calibrated: false };
+        let shared = Arc::new(Shared { library: self, work: Mutex::new(work), has_stopped: AtomicBool::new(false) });
         let f = &shared.library.functions;
         let data = Arc::as_ptr(&shared).cast_mut().cast();
-        // SAFETY: the library calls `frame` with the address of `shared`, which lives until `Scheduled` has unscheduled it.
+        let failed = |what: &str, text: String| Err(Fault::Lost(format!("{what}: {text}")));
+        // SAFETY: the library calls `frame` with the address of `shared`, which lives until `Scheduled` has seen to it
+        // that it does so no more; here the scheduler does not run yet.
         let handle = unsafe {
-            (f.make_current_device)(shared.library.device);
+            (f.make_current_device)(shared.library.device.load(Relaxed));
             (f.enable)(FORCE_OUTPUT);
-            let handle = (f.schedule_asynchronous)(frame, data, PRIORITY);
-            (f.start_scheduler)();
-            handle
+            (f.schedule_asynchronous)(frame, data, PRIORITY)
         };
-        let failure = shared.library.error();
-        let scheduled = Scheduled { shared, stop, handle };
-        match failure {
-            Some((_, text)) => Err(Fault::Lost(format!("the library's scheduler does not start: {text}"))),
-            None => Ok(scheduled),
+        if let Some((_, text)) = shared.library.error() {
+            // SAFETY: as above.
+            unsafe { (f.unschedule)(handle) };
+            return failed("nothing can be scheduled with the library", text);
         }
+        // SAFETY: as above.
+        unsafe { (f.start_scheduler)() };
+        Ok(Scheduled { shared, stop, handle })
     }
 }
 
 // SAFETY of all calls in this block: the functions are called as the library's reference says, for a device that is open;
 // pointers are to variables that outlive the call and have the length that the function reads or writes.
 impl OpenHaptics {
-    /// The last of the errors that the library has noted, if any: its code and its text.
+    /// The newest of the errors that the library has noted, if any: its code and its text. The others are forgotten.
     fn error(&self) -> Option<(c_uint, String)> {
-        let mut last = None;
+        let mut newest = None;
         for _ in 0..MOST_ERRORS {
             let error = unsafe { (self.functions.get_error)() };
             if error.code == 0 {
                 break;
             }
-            let text = unsafe { library::text((self.functions.get_error_string)(error.code)) };
-            last = Some((error.code, format!("{text}, {:#06x}, internal {}", error.code, error.internal)));
+            newest = newest.or_else(|| {
+                let text = unsafe { library::text((self.functions.get_error_string)(error.code)) };
+                Some((error.code, format!("{text}, {:#06x}, internal {}", error.code, error.internal)))
+            });
         }
-        last
-    }
-
-    /// Calibrates a device that can do so by itself; asks for the hand with one that cannot.
-    fn calibrate(&self) -> Result<(), Fault> {
-        let f = &self.functions;
-        if unsafe { (f.check_calibration)() } == CALIBRATION_NEEDS_UPDATE {
-            let mut styles = 0;
-            unsafe { (f.get_integerv)(CALIBRATION_STYLE, &mut styles) };
-            if let Some(style) = STYLES.iter().find(|style| c_uint::try_from(styles).unwrap_or(0) & **style != 0) {
-                unsafe { (f.update_calibration)(*style) };
-            }
-        }
-        let state = unsafe { (f.check_calibration)() };
-        match (self.error(), state) {
-            (Some((_, text)), _) => Err(Fault::Lost(format!("the device cannot be calibrated: {text}"))),
-            (None, CALIBRATION_OK) => Ok(()),
-            (None, _) => Err(Fault::Lost(
-                "the device is not calibrated: put its stylus into the inkwell, and start again".into(),
-            )),
-        }
+        newest
     }
 
     fn identity(&self) -> Found {
         let text = |what| unsafe { library::text((self.functions.get_string)(what)) };
         let (model, serial) = (text(MODEL), text(SERIAL_NUMBER));
+        // A library that does not know one of the two notes an error.
         let _ = self.error();
         let upper = model.to_uppercase();
         let known = KNOWN.iter().find(|(name, _)| upper.starts_with(name)).map(|(_, profile)| *profile);
         Found {
             name: format!("{model:?} (serial number {serial:?})"),
-            profile: known.unwrap_or(OpenHaptics::SMALLEST),
+            profile: known.unwrap_or(OpenHaptics::SMALLEST).without_torque(),
             is_known: known.is_some(),
-            senses_rotation: true,
         }
+    }
+
+    /// Within a frame: whether the device is calibrated. One that can do so by itself, or in its inkwell, is told to.
+    fn calibrate(&self) -> Result<(), Fault> {
+        let f = &self.functions;
+        let mut styles = 0;
+        let state = unsafe { (f.check_calibration)() };
+        if state == CALIBRATION_OK {
+            return Ok(());
+        }
+        unsafe { (f.get_integerv)(CALIBRATION_STYLE, &mut styles) };
+        let style = [AUTOMATIC, INKWELL].into_iter().find(|style| styles.cast_unsigned() & style != 0);
+        let remedy = match style {
+            Some(AUTOMATIC) => "move it through its workspace",
+            Some(_) => "put its stylus into the inkwell",
+            None => "calibrate it with the maker's program, its arm in the neutral place",
+        };
+        if let (CALIBRATION_NEEDS_UPDATE, Some(style)) = (state, style) {
+            unsafe { (f.update_calibration)(style) };
+        }
+        Err(Fault::Lost(format!("the device is not calibrated: {remedy}")))
     }
 
     /// Reads the device within a frame.
@@ -210,52 +222,83 @@ impl OpenHaptics {
         (state, buttons.cast_unsigned())
     }
 
-    /// One frame: reads the device, and commands its force.
-    fn frame(&self, desk: &mut Desk) {
-        unsafe { (self.functions.begin_frame)(self.device) };
-        let (state, buttons) = self.sample();
-        let force = desk.wrench().force.to_array();
+    /// One frame.
+    fn frame(&self, work: &mut Work) {
+        let (f, device, desk) = (&self.functions, self.device.load(Relaxed), &mut work.desk);
+        let mut sample = None;
+        unsafe { (f.begin_frame)(device) };
+        if work.is_calibrated {
+            sample = Some(self.sample());
+        } else {
+            match self.calibrate() {
+                Ok(()) => work.is_calibrated = true,
+                Err(fault) => desk.report(fault),
+            }
+        }
+        if sample.is_some_and(|(state, _)| !state.is_valid()) {
+            desk.report(Fault::Garbled("the pose or the velocity is not finite".into()));
+        }
+        let force = if work.is_calibrated { desk.wrench().force.to_array() } else { [0.0; 3] };
         unsafe {
-            (self.functions.set_doublev)(FORCE, force.as_ptr());
-            (self.functions.end_frame)(self.device);
+            (f.set_doublev)(FORCE, force.as_ptr());
+            (f.end_frame)(device);
         }
         match self.error() {
             Some((code, text)) if DEVICE_ERRORS.contains(&code) => desk.report(Fault::Lost(text)),
-            Some((_, text)) => desk.report(Fault::Lost(format!("the library plays no force: {text}"))),
-            None if !state.is_valid() => desk.report(Fault::Garbled("the pose or the velocity is not finite".into())),
-            None => desk.publish(state, buttons),
+            Some((WARM_MOTORS, text)) => {
+                desk.report_for(
+                    COOL_DOWN,
+                    Fault::Lost(format!("its motors are warm, and play nothing for 5 s: {text}")),
+                );
+            }
+            Some((_, text)) => desk.report(Fault::Lost(format!("the library refuses the force: {text}"))),
+            None => {
+                if let Some((state, buttons)) = sample.filter(|(state, _)| state.is_valid()) {
+                    desk.publish(state, buttons);
+                }
+            }
+        }
+    }
+
+    /// Releases the device, once.
+    fn disable(&self) {
+        let device = self.device.swap(INVALID, Relaxed);
+        if device != INVALID {
+            unsafe { (self.functions.disable_device)(device) };
         }
     }
 }
 
 impl Drop for OpenHaptics {
     fn drop(&mut self) {
-        if self.device != INVALID {
-            // SAFETY: the device is open, and no function of ours is scheduled any more.
-            unsafe { (self.functions.disable_device)(self.device) };
-        }
+        self.disable();
     }
 }
 
 /// What the scheduler's thread works with.
 struct Shared {
     library: OpenHaptics,
-    desk: Mutex<Desk>,
+    work: Mutex<Work>,
     /// Set by a frame that has seen that the device is to be closed, and has commanded no force.
     has_stopped: AtomicBool,
+}
+
+struct Work {
+    desk: Desk,
+    is_calibrated: bool,
 }
 
 /// Called by the library's scheduler.
 ///
 /// # Safety
-/// `data` is the address of a [`Shared`] that lives until the function is unscheduled.
+/// `data` is the address of a [`Shared`] that lives until this function has returned [`DONE`], or is called no more.
 unsafe extern "C" fn frame(data: *mut c_void) -> c_uint {
     // SAFETY: the caller's promise.
     let shared = unsafe { &*data.cast_const().cast::<Shared>() };
-    let mut desk = shared.desk.lock().unwrap_or_else(PoisonError::into_inner);
-    let is_stopping = desk.is_stopping();
-    shared.library.frame(&mut desk);
-    drop(desk);
+    let mut work = shared.work.lock().unwrap_or_else(PoisonError::into_inner);
+    let is_stopping = work.desk.is_stopping();
+    shared.library.frame(&mut work);
+    drop(work);
     if !is_stopping {
         return CONTINUE;
     }
@@ -273,7 +316,8 @@ pub struct Scheduled {
 }
 
 impl Drop for Scheduled {
-    /// Waits for a frame without force, and ends the scheduler; then the device is released.
+    /// Waits for a frame without force, ends the scheduler, and releases the device. Where the library does not return,
+    /// a thread waits for it, and nothing that it works with is freed.
     fn drop(&mut self) {
         self.stop.store(true, Relaxed);
         let asked = Instant::now();
@@ -281,17 +325,27 @@ impl Drop for Scheduled {
             thread::sleep(Duration::from_millis(1));
         }
         let has_stopped = self.shared.has_stopped.load(Acquire);
-        let f = &self.shared.library.functions;
-        // SAFETY: the functions are called as the library's reference says.
-        unsafe {
-            (f.stop_scheduler)();
-            if !has_stopped {
-                (f.unschedule)(self.handle);
-            }
-        }
         if !has_stopped {
-            // The library hangs, and may call the function later: what that works with is never freed.
+            // The library may call the function later.
             std::mem::forget(self.shared.clone());
+        }
+        let (shared, handle) = (self.shared.clone(), self.handle);
+        let (tell, told) = mpsc::channel();
+        let end = move || {
+            let f = &shared.library.functions;
+            // SAFETY: the functions are called as the library's reference says; a function that is done is not scheduled
+            // any more.
+            unsafe {
+                (f.stop_scheduler)();
+                if !has_stopped {
+                    (f.unschedule)(handle);
+                }
+            }
+            shared.library.disable();
+            let _ = tell.send(());
+        };
+        if thread::Builder::new().name("openhaptics-end".into()).spawn(end).is_ok() {
+            let _ = told.recv_timeout(CLOSE_WAIT);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Stands in for `libdhd` of Force Dimension in tests: the same functions, without a device. Tests and library share the
+//! Stands in for `libdrd` of Force Dimension in tests: the same functions, without a device. Tests and library share the
 //! memory `STAND_IN` (`places.rs`). Compiled by the tests as a library of its own.
 
 #![allow(non_snake_case)]
@@ -15,8 +15,9 @@ use places::*;
 #[unsafe(no_mangle)]
 pub static STAND_IN: [AtomicU64; LENGTH] = [const { AtomicU64::new(0) }; LENGTH];
 
-/// Number of the device; not zero, so that a call without it is seen.
+/// Numbers of the device and of the second one; not zero, so that a call without them is seen.
 const ID: c_char = 3;
+const SECOND_ID: c_char = 4;
 
 fn get(place: usize) -> f64 {
     f64::from_bits(STAND_IN[place].load(SeqCst))
@@ -34,17 +35,17 @@ fn begin() {
     }
 }
 
-fn count(place: usize) {
+fn count_up(place: usize) {
     set(place, get(place) + 1.0);
 }
 
 /// Whether a call for a device may be answered: one is open, and there.
 fn is_well(id: c_char) -> bool {
     let is_open = get(OPENED) > get(CLOSED);
-    if id != ID || !is_open {
-        count(MISUSES);
+    if ![ID, SECOND_ID].contains(&id) || !is_open {
+        count_up(MISUSES);
     }
-    id == ID && is_open && get(IS_THERE) != 0.0
+    is_open && (id == SECOND_ID || get(IS_THERE) != 0.0)
 }
 
 fn answer(is_well: bool) -> c_int {
@@ -58,25 +59,32 @@ fn give(place: usize, to: [*mut f64; 3]) {
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn dhdOpen() -> c_int {
+pub extern "C" fn dhdGetDeviceCount() -> c_int {
     begin();
-    if get(IS_THERE) == 0.0 {
+    c_int::from(get(IS_THERE) != 0.0) + c_int::from(get(SECOND) != 0.0)
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn drdOpenID(index: c_char) -> c_int {
+    let count = dhdGetDeviceCount();
+    if c_int::from(index) >= count {
         return -1;
     }
-    count(OPENED);
-    c_int::from(ID)
+    count_up(OPENED);
+    let is_second = get(SECOND) != 0.0 && index == 0;
+    c_int::from(if is_second { SECOND_ID } else { ID })
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn dhdOpenSerial(serial: c_int) -> c_int {
-    if f64::from(serial) == get(SERIAL) { dhdOpen() } else { -1 }
-}
-
-#[unsafe(no_mangle)]
-pub extern "C" fn dhdClose(id: c_char) -> c_int {
+pub extern "C" fn drdClose(id: c_char) -> c_int {
     let is_well = is_well(id);
-    count(CLOSED);
+    count_up(CLOSED);
     answer(is_well)
+}
+
+#[unsafe(no_mangle)]
+pub extern "C" fn drdIsInitialized(id: c_char) -> bool {
+    is_well(id) && get(IS_CALIBRATED) != 0.0
 }
 
 #[unsafe(no_mangle)]
@@ -95,10 +103,10 @@ pub extern "C" fn dhdEnableForce(value: c_uchar, id: c_char) -> c_int {
 pub unsafe extern "C" fn dhdGetStatus(states: *mut c_int, id: c_char) -> c_int {
     for k in 0..17 {
         let state = match k {
-            3 => get(IS_CALIBRATED),
-            _ => 1.0,
+            5 => c_int::from(get(IS_ENABLED) != 0.0 && get(IS_OFF) == 0.0),
+            _ => 1,
         };
-        unsafe { *states.add(k) = state as c_int };
+        unsafe { *states.add(k) = state };
     }
     answer(is_well(id))
 }
@@ -115,7 +123,7 @@ pub extern "C" fn dhdGetSystemName(_: c_char) -> *const c_char {
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dhdGetSerialNumber(serial: *mut c_ushort, id: c_char) -> c_int {
-    unsafe { *serial = get(SERIAL) as c_ushort };
+    unsafe { *serial = get(if id == SECOND_ID { SECOND } else { SERIAL }) as c_ushort };
     answer(is_well(id))
 }
 
@@ -132,7 +140,7 @@ pub unsafe extern "C" fn dhdGetPositionAndOrientationFrame(
     frame: *mut [[f64; 3]; 3],
     id: c_char,
 ) -> c_int {
-    count(SAMPLES);
+    count_up(SAMPLES);
     give(POSITION, [x, y, z]);
     for k in 0..9 {
         unsafe { (*frame)[k / 3][k % 3] = get(AXES + k) };
@@ -143,7 +151,8 @@ pub unsafe extern "C" fn dhdGetPositionAndOrientationFrame(
 #[unsafe(no_mangle)]
 pub extern "C" fn dhdGetLinearVelocity(x: *mut f64, y: *mut f64, z: *mut f64, id: c_char) -> c_int {
     give(VELOCITY, [x, y, z]);
-    answer(is_well(id))
+    // The library needs two positions for it.
+    answer(is_well(id) && get(SAMPLES) > 1.0)
 }
 
 #[unsafe(no_mangle)]
@@ -169,8 +178,9 @@ pub extern "C" fn dhdSetForceAndTorqueAndGripperForce(
     id: c_char,
 ) -> c_int {
     [a, b, c, d, e, f].into_iter().enumerate().for_each(|(k, value)| set(WRENCH + k, value));
-    if gripper != 0.0 {
-        count(MISUSES);
+    let is_force = [a, b, c, d, e, f].iter().any(|value| *value != 0.0);
+    if gripper != 0.0 || is_force && get(IS_ENABLED) == 0.0 {
+        count_up(MISUSES);
     }
     // A saturated motor is no error.
     if is_well(id) { 2 } else { -1 }

@@ -7,7 +7,6 @@
 mod places;
 
 use std::cell::Cell;
-use std::collections::VecDeque;
 use std::ffi::{CStr, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
 use std::sync::Mutex;
 use std::sync::atomic::Ordering::SeqCst;
@@ -36,7 +35,8 @@ pub struct ErrorInfo {
 
 type Callback = unsafe extern "C" fn(*mut c_void) -> c_uint;
 
-static ERRORS: Mutex<VecDeque<c_uint>> = Mutex::new(VecDeque::new());
+/// The newest error is last, and is told first.
+static ERRORS: Mutex<Vec<c_uint>> = Mutex::new(Vec::new());
 static TASK: Mutex<Option<(Callback, usize)>> = Mutex::new(None);
 static THREAD: Mutex<Option<JoinHandle<()>>> = Mutex::new(None);
 static IS_RUNNING: AtomicBool = AtomicBool::new(false);
@@ -66,7 +66,14 @@ fn count(place: usize) {
 }
 
 fn fail(code: c_uint) {
-    ERRORS.lock().unwrap().push_back(code);
+    ERRORS.lock().unwrap().push(code);
+}
+
+/// Counts a call that belongs into a frame of the running scheduler, and is not in one.
+fn check_frame() {
+    if !IS_IN_FRAME.get() || !IS_RUNNING.load(SeqCst) && TASK.try_lock().is_ok() {
+        count(MISUSES);
+    }
 }
 
 #[unsafe(no_mangle)]
@@ -83,8 +90,9 @@ pub unsafe extern "C" fn hdInitDevice(name: *const c_char) -> c_uint {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn hdDisableDevice(device: c_uint) {
-    // A driver ends the force and the scheduler before.
-    if device != DEVICE || IS_RUNNING.load(SeqCst) || (0..6).any(|k| get(WRENCH + k) != 0.0) {
+    // A driver ends the scheduler before, and, unless that hangs, the force.
+    let hangs = get(HANGS) != 0.0;
+    if device != DEVICE || IS_RUNNING.load(SeqCst) || !hangs && (0..6).any(|k| get(WRENCH + k) != 0.0) {
         count(MISUSES);
     }
     set(IS_ENABLED, 0.0);
@@ -129,7 +137,7 @@ pub extern "C" fn hdEnable(what: c_uint) {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn hdGetError() -> ErrorInfo {
-    let code = ERRORS.lock().unwrap().pop_front().unwrap_or(0);
+    let code = ERRORS.lock().unwrap().pop().unwrap_or(0);
     ErrorInfo { code, internal: -9, device: DEVICE }
 }
 
@@ -163,9 +171,7 @@ pub unsafe extern "C" fn hdGetIntegerv(what: c_uint, to: *mut c_int) {
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hdGetDoublev(what: c_uint, to: *mut f64) {
-    if !IS_IN_FRAME.get() {
-        count(MISUSES);
-    }
+    check_frame();
     let put = |k: usize, value: f64| unsafe { *to.add(k) = value };
     match what {
         0x2052 => {
@@ -185,9 +191,7 @@ pub unsafe extern "C" fn hdGetDoublev(what: c_uint, to: *mut f64) {
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hdSetDoublev(what: c_uint, from: *const f64) {
-    if !IS_IN_FRAME.get() {
-        count(MISUSES);
-    }
+    check_frame();
     match what {
         0x2700 => (0..3).for_each(|k| set(WRENCH + k, unsafe { *from.add(k) })),
         _ => fail(0x0100),
@@ -196,7 +200,8 @@ pub unsafe extern "C" fn hdSetDoublev(what: c_uint, from: *const f64) {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn hdCheckCalibration() -> c_uint {
-    match (get(IS_CALIBRATED) != 0.0, get(STYLES) != 0.0) {
+    check_frame();
+    match (get(IS_CALIBRATED) != 0.0, get(STYLES) != 0.0 && get(NEEDS_HAND) == 0.0) {
         (true, _) => 0x5000,
         (false, true) => 0x5001,
         (false, false) => 0x5002,
@@ -205,6 +210,7 @@ pub extern "C" fn hdCheckCalibration() -> c_uint {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn hdUpdateCalibration(style: c_uint) {
+    check_frame();
     count(CALIBRATIONS);
     match style == get(STYLES) as c_uint {
         true => set(IS_CALIBRATED, 1.0),
@@ -214,13 +220,17 @@ pub extern "C" fn hdUpdateCalibration(style: c_uint) {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn hdScheduleAsynchronous(callback: Callback, data: *mut c_void, _: c_ushort) -> c_ulong {
+    if get(HANGS) == 3.0 {
+        fail(0x0501);
+        return 0;
+    }
     *TASK.lock().unwrap() = Some((callback, data.expose_provenance()));
     HANDLE
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn hdUnschedule(handle: c_ulong) {
-    if handle != HANDLE || TASK.lock().unwrap().take().is_none() {
+    if get(HANGS) != 3.0 && (handle != HANDLE || TASK.lock().unwrap().take().is_none()) {
         count(MISUSES);
     }
 }
@@ -231,7 +241,8 @@ pub extern "C" fn hdStartScheduler() {
     let run = || {
         while IS_RUNNING.load(SeqCst) {
             let mut task = TASK.lock().unwrap();
-            if let Some((callback, data)) = *task
+            if get(HANGS) == 0.0
+                && let Some((callback, data)) = *task
                 && unsafe { callback(std::ptr::with_exposed_provenance_mut(data)) } == 0
             {
                 *task = None;
@@ -245,6 +256,9 @@ pub extern "C" fn hdStartScheduler() {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn hdStopScheduler() {
+    if get(HANGS) == 2.0 {
+        thread::sleep(Duration::from_secs(1));
+    }
     IS_RUNNING.store(false, SeqCst);
     if let Some(thread) = THREAD.lock().unwrap().take() {
         let _ = thread.join();

@@ -1,5 +1,7 @@
 //! What stands where in the memory `STAND_IN` that a stand-in library shares with the tests: numbers of double
-//! precision, each as its bits.
+//! precision, each as its bits. Each stand-in uses some of them.
+
+#![allow(dead_code)]
 
 /// Length of the memory.
 pub const LENGTH: usize = 64;
@@ -34,3 +36,12 @@ pub const MISUSES: usize = 35;
 pub const IS_ENABLED: usize = 36;
 /// Number of calibrations.
 pub const CALIBRATIONS: usize = 37;
+/// Whether the device's own button, or limit of speed, has switched its forces off (`dhd.rs`).
+pub const IS_OFF: usize = 38;
+/// Serial number of a second device, which is listed first (`dhd.rs`); 0: there is none.
+pub const SECOND: usize = 39;
+/// Whether the scheduler calls nothing any more (1), and does not end for a second either (2); whether nothing can be
+/// scheduled (3) (`hd.rs`).
+pub const HANGS: usize = 40;
+/// Whether only a hand can calibrate the device now (`hd.rs`).
+pub const NEEDS_HAND: usize = 41;
