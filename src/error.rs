@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// What can go wrong. The cause may be the user's input or output (`Input`, `Key`, `Usage`, `Output`), the machine
@@ -69,7 +70,17 @@ impl fmt::Display for Error {
             }
             Error::Key { file, key, problem, remedy } => format!("{}: `{key}`: {problem}; {remedy}", file.display()),
             Error::Output { file, source } => {
-                format!("cannot write {}: {source}; free disk space, or choose another folder", file.display())
+                let remedy = match source.kind() {
+                    ErrorKind::NotFound => "make its folder first",
+                    ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+                        "give a folder that you may write to"
+                    }
+                    ErrorKind::AlreadyExists | ErrorKind::NotADirectory | ErrorKind::IsADirectory => {
+                        "give another name"
+                    }
+                    _ => "free disk space, or choose another folder",
+                };
+                format!("cannot write {}: {source}; {remedy}", file.display())
             }
             Error::Vulkan { call, stage, result } => format!("{call} failed in {stage}: {result}"),
             Error::Memory(what) => format!(

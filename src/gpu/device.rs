@@ -96,9 +96,9 @@ pub(super) fn choose(candidates: Vec<Candidate>, asked: Option<&str>) -> Result<
     let mut found: Vec<Candidate> = candidates.into_iter().filter(matches).collect();
     found.sort_by_key(|c| c.info.usable.is_err());
     match found.into_iter().next() {
-        None => {
-            Err(Error::NoDevice(format!("no device is called `{asked}`; give an index or part of a name of:\n{list}")))
-        }
+        None => Err(Error::NoDevice(format!(
+            "no Vulkan device is called `{asked}` (haptic devices are chosen by --haptics); give an index or part of a name of:\n{list}"
+        ))),
         Some(Candidate { info: DeviceInfo { name, usable: Err(why), .. }, .. }) => {
             Err(Error::NoDevice(format!("{name} cannot run palpate: {why}. {REMEDY}")))
         }

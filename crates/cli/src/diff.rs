@@ -147,7 +147,12 @@ pub fn diff(arguments: &Arguments) -> Result<()> {
         output.write("diff.svg", |w| w.write_all(svg.as_bytes()))?;
         output.commit()?;
     }
-    print(&Table(&all).to_string())?;
+    let is_equal = all.iter().all(|one| one.share() == 0.0) && findings.unmatched.is_empty();
+    print(&format!(
+        "{}{}",
+        Table(&all),
+        if is_equal { "the runs are equal, bit by bit as far as they were compared\n" } else { "" }
+    ))?;
     let worst = all.iter().max_by(|a, b| a.share().total_cmp(&b.share()));
     match worst.filter(|worst| worst.share() > arguments.tolerance) {
         None if findings.unmatched.is_empty() => Ok(()),

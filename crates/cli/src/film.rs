@@ -14,7 +14,7 @@ use palpate_view::{Overlay, Overlays, Settings, Studio};
 
 use crate::report::Output;
 use crate::run::positive;
-use crate::{one_line, tell};
+use crate::{one_line, print, tell};
 
 /// Default width and height of images, pixels.
 pub const SIZE: [u32; 2] = [1280, 720];
@@ -223,6 +223,7 @@ pub fn film(arguments: &Arguments) -> Result<()> {
         bar.inc(1);
         studio.picture(&mut simulation)
     };
+    let count = pictures as u64;
     match name {
         None => (0..pictures as u64).try_for_each(|k| {
             let picture = take(k)?;
@@ -235,7 +236,15 @@ pub fn film(arguments: &Arguments) -> Result<()> {
             file.flush().map_err(failed)?;
         }
     }
-    output.commit()
+    output.replaces(is_frame);
+    output.commit()?;
+    print(&format!("{}: {count} images for {duration:?} s\n", arguments.out.display()))
+}
+
+/// Whether a file's name is that of an image of a film.
+fn is_frame(name: &str) -> bool {
+    let number = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".png"));
+    number.is_some_and(|number| number.len() == 5 && number.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
 /// Refuses names of videos and GIF images, which are not written.

@@ -212,6 +212,10 @@ fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> 
         let problem = "is a file that this run reads, and would be overwritten";
         return Err(Error::input(path, None, problem, "record into another file"));
     }
+    if path.exists() {
+        let problem = "is there already, and no session is ever the same again";
+        return Err(Error::input(path, None, problem, "record into another file, or remove this one"));
+    }
     let header = Header::new(scene, engine.simulation(), profile.name, scene.haptics.device.name())?;
     Recording::create(path, &header)
 }

@@ -3,8 +3,7 @@
 //! sphere presses into the body.
 
 use std::ffi::OsStr;
-use std::fs::File;
-use std::io::BufWriter;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -16,14 +15,21 @@ use palpate::scene::triangles::EXTENSIONS;
 use palpate::scene::units::UNITS;
 use palpate::scene::{self, Material, MaterialLaw, Model, Surface, gmsh, obj};
 use palpate::{Error, Result, Scene};
+use sha2::{Digest, Sha256};
 
 use crate::press::{self, Press};
-use crate::print;
 use crate::report::picture::Picture;
 use crate::report::{Output, figure};
+use crate::{print, tell};
 
 /// Number of steps of the progress bar after the body is made: one for the images, one for the files.
 const AFTER: u64 = 2;
+
+/// The scene that is written, and its name where an edited one keeps that name.
+const SCENE: &str = "scene.toml";
+const NEW_SCENE: &str = "scene-new.toml";
+/// Key of `report.json` whose value is the digest (SHA-256) of the scene that was written.
+const DIGEST: &str = "scene_sha256";
 
 /// Default number of lattice cells (cubes that are filled with tetrahedra) along a surface's largest extent.
 const CELLS: u32 = 40;
@@ -117,8 +123,22 @@ pub fn quietly(surface: &Path, out: &Path, watch: &mut dyn FnMut(&str)) -> Resul
     };
     let depths = depths_of(&arguments, layer, skin)?;
     let (cores, _) = press::cores(layer, &depths);
-    write_body(&mut output, layer, skin, |w| Press::into(skin, layer, &depths).write(w, &body.name, &cores))?;
+    write_body(&mut output, layer, skin)?;
+    output.write(SCENE, |w| Press::into(skin, layer, &depths).write(w, &body.name, &cores))?;
     output.commit()
+}
+
+/// Hexadecimal digest of a scene's text.
+fn digest(text: &[u8]) -> String {
+    Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Whether a folder has a scene that somebody has changed since an earlier run wrote it, and that is not `new`.
+fn is_edited(folder: &Path, new: &[u8]) -> bool {
+    let Ok(there) = std::fs::read(folder.join(SCENE)) else { return false };
+    let report = std::fs::read(folder.join("report.json")).unwrap_or_default();
+    let report: serde_json::Value = serde_json::from_slice(&report).unwrap_or_default();
+    there != new && report[DIGEST] != digest(&there).as_str()
 }
 
 fn depths_of(arguments: &Arguments, layer: &Layer, skin: &Skin) -> Result<Vec<f64>> {
@@ -155,12 +175,24 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     }
     bar.inc(1);
     bar.set_message("files");
-    write_body(&mut output, layer, skin, |w| Press::into(skin, layer, &depths).write(w, &body.name, &cores))?;
-    output.write("report.json", |w| serde_json::to_writer_pretty(w, report).map_err(Into::into))?;
+    write_body(&mut output, layer, skin)?;
+    let mut text = Vec::new();
+    let written = Press::into(skin, layer, &depths).write(&mut text, &body.name, &cores);
+    written.map_err(|source| Error::Output { file: out.join(SCENE), source })?;
+    let scene = if is_edited(&out, &text) { NEW_SCENE } else { SCENE };
+    output.write(scene, |w| w.write_all(&text))?;
+    let mut facts = serde_json::to_value(&*report).map_err(|error| Error::Simulation(error.to_string()))?;
+    if scene == SCENE {
+        facts[DIGEST] = digest(&text).into();
+    }
+    output.write("report.json", |w| serde_json::to_writer_pretty(w, &facts).map_err(Into::into))?;
     output.write("report.txt", |w| write_text(w, report))?;
     output.commit()?;
     bar.finish_and_clear();
-    let scene = out.join("scene.toml");
+    if scene != SCENE {
+        tell(&format!("{}: was edited, and is kept; the new scene is {scene}", out.join(SCENE).display()));
+    }
+    let scene = out.join(scene);
     print(&format!("{report}{}: run it with: palpate run {}\n", out.display(), scene.display()))
 }
 
@@ -243,7 +275,12 @@ pub fn surface_of(text: &str) -> Result<Surface> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     if !EXTENSIONS.contains(&extension.as_str()) {
         let (models, extensions) = (Model::ALL.map(Model::name).join(", "), EXTENSIONS.join(", ."));
-        let remedy = format!("give .{extensions}, or a model: {models}, such as head or head:44000");
+        let remedy = match extension.as_str() {
+            "msh" | "node" | "ele" => {
+                "tetrahedra are a `layer` in the [[body]] of a scene, and need no preparation".into()
+            }
+            _ => format!("give .{extensions}, or a model: {models}, such as head or head:44000"),
+        };
         return Err(Error::input(&path, None, "neither a file with a surface nor a model", remedy));
     }
     Ok(Surface::File(path))
@@ -291,14 +328,8 @@ fn write_pictures(output: &mut Output, body: &Body, layer: &Layer, skin: &Skin) 
     output.write("figure.png", |w| Picture::beside(&all).write_png(w))
 }
 
-/// Writes the body's files, with lengths in metres, and the scene.
-fn write_body(
-    output: &mut Output,
-    layer: &Layer,
-    skin: &Skin,
-    scene: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-) -> Result<()> {
+/// Writes the body's files, with lengths in metres.
+fn write_body(output: &mut Output, layer: &Layer, skin: &Skin) -> Result<()> {
     output.write("skin.obj", |w| obj::write(w, &skin.vertices, &skin.triangles))?;
-    output.write("layer.msh", |w| gmsh::write(w, &layer.nodes, &layer.tetrahedra))?;
-    output.write("scene.toml", scene)
+    output.write("layer.msh", |w| gmsh::write(w, &layer.nodes, &layer.tetrahedra))
 }

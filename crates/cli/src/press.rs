@@ -57,7 +57,7 @@ impl Press {
             "# A sphere presses into {name}. Written by palpate prepare; run it with: palpate run scene.toml\n"
         )?;
         writeln!(w, "[step]\ngravity = [0.0, 0.0, 0.0]       # so that the soft body does not sag\n")?;
-        writeln!(w, "[contact]\ndepth_limit = {r:?}\n")?;
+        writeln!(w, "[contact]\ndepth_limit = {r:?}\nfriction = 0.0\n")?;
         writeln!(w, "[[body]]\nname = \"{name}\"\nsurface = \"skin.obj\"\nlayer = \"layer.msh\"")?;
         writeln!(w, "material = {{ young = 2e4, poisson = 0.45, density = 1000.0, damping_stiffness = 0.002 }}\n")?;
         for (part, bind) in cores.iter().enumerate() {

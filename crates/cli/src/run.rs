@@ -199,6 +199,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let kind = DeviceKind::CHOICES.iter().find(|(known, _)| known == name);
         scene.haptics.device = kind.map_or(scene.haptics.device, |(_, kind)| *kind);
     }
+    if arguments.record.is_some() && arguments.haptics.is_none() && !scene.haptics.has_device {
+        tell(
+            "--record makes this a session in real time, whose device follows [drive]; --haptics gives another device",
+        );
+    }
     scene.haptics.has_device |= arguments.haptics.is_some() || arguments.record.is_some();
     if let Some(name) = &arguments.profile {
         hold::choose_profile(&mut scene, name)?;
@@ -403,9 +408,19 @@ impl Snapshots {
         if !step.is_multiple_of(*every) {
             return Ok(());
         }
+        if step == *every {
+            output.replaces(is_snapshot);
+        }
         let picture = studio.picture(engine.simulation_mut())?;
         output.write(&format!("snapshot-{step:06}.png"), |w| picture.write_png(w))
     }
+}
+
+/// Whether a file's name is that of an image of a run.
+#[cfg(feature = "view")]
+fn is_snapshot(name: &str) -> bool {
+    let number = name.strip_prefix("snapshot-").and_then(|rest| rest.strip_suffix(".png"));
+    number.is_some_and(|number| number.len() >= 6 && number.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
 /// Takes no images: this program was built without rendering.

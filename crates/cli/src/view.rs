@@ -31,7 +31,11 @@ use crate::{hold, tell};
 use app::App;
 
 const TRACE: &str = "trace.csv";
-const DEVICES: [&str; 6] = ["mouse", "drive", "scripted", "hand", "replay", "haply"];
+
+/// What may move the tool, by name.
+fn movers() -> impl Iterator<Item = &'static str> {
+    ["mouse", "drive"].into_iter().chain(DeviceKind::CHOICES.map(|(name, _)| name))
+}
 
 /// Options of `palpate view`.
 #[derive(clap::Args)]
@@ -40,7 +44,7 @@ pub struct Arguments {
     scene: PathBuf,
     /// What moves the tool: the mouse, a haptic device, or `drive`, which stands for the scene's keys (timed poses)
     /// [default: mouse; drive if the scene has no tool]
-    #[arg(long, value_name = "DEVICE", value_parser = PossibleValuesParser::new(DEVICES))]
+    #[arg(long, alias = "haptics", value_name = "DEVICE", value_parser = PossibleValuesParser::new(movers()))]
     device: Option<String>,
     /// Profile (limits of force and workspace) of the haptic device, instead of the scene's; a real device's can only
     /// be lowered

@@ -138,6 +138,28 @@ fn a_changed_file_is_another_body() {
     assert_eq!(prepared(&cache, &folder.path().join("b"), &arguments)["cache"], "made");
 }
 
+/// A scene that somebody has edited is kept; one that nobody has is replaced.
+#[test]
+fn an_edited_scene_is_not_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let (cache, out) = (folder.path().join("cache"), folder.path().join("a"));
+    let scene = |name: &str| fs::read_to_string(out.join(name)).unwrap();
+    prepared(&cache, &out, &SMALL);
+    let first = scene("scene.toml");
+    prepared(&cache, &out, &[&SMALL[..], &["--scale", "2"]].concat());
+    let second = scene("scene.toml");
+    assert!(second != first && !out.join("scene-new.toml").exists());
+    let edited = second.replace("young = 2e4", "young = 5e4");
+    fs::write(out.join("scene.toml"), &edited).unwrap();
+    for _ in 0..2 {
+        let output = prepare(&cache, &out, &SMALL);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success() && said.contains("was edited, and is kept"), "{said}");
+        assert!(String::from_utf8(output.stdout).unwrap().contains("scene-new.toml"));
+        assert_eq!((scene("scene.toml"), scene("scene-new.toml")), (edited.clone(), first.clone()));
+    }
+}
+
 #[test]
 fn a_cache_that_cannot_be_written_is_a_note() {
     let folder = tempfile::tempdir().unwrap();

@@ -102,7 +102,7 @@ pub fn stuff(vertices: &[DVec3], triangles: &[[u32; 3]], options: &Options) -> R
     let filled = surface.fill_to(surface_volume, area);
     if filled.layer.tetrahedra.len() as f64 > MAX_TETRAHEDRA {
         return Err(format!(
-            "a cell of {cell:.3e} m gives {} tetrahedra, more than 4 million; choose a larger cell",
+            "a cell of {cell:.3e}, in the surface's unit, gives {} tetrahedra, more than 4 million; choose a larger cell",
             filled.layer.tetrahedra.len()
         ));
     }
@@ -123,7 +123,7 @@ fn check(vertices: &[DVec3], triangles: &[[u32; 3]], extent: DVec3, options: &Op
     }
     if extent.max_element().is_nan() || extent.max_element() < cell {
         return Err(format!(
-            "the surface is {:.3e} m across, smaller than one cell of {cell:.3e} m; choose a smaller cell",
+            "the surface is {:.3e} across, smaller than one cell of {cell:.3e}; choose a smaller cell, in the surface's unit",
             extent.max_element()
         ));
     }
@@ -133,7 +133,9 @@ fn check(vertices: &[DVec3], triangles: &[[u32; 3]], extent: DVec3, options: &Op
     if (whole && 12.0 * volume / cell.powi(3) > MAX_TETRAHEDRA) || 12.0 * box_cells > MAX_LATTICE {
         let least = (12.0 * volume / MAX_TETRAHEDRA).cbrt().max(cell * (12.0 * box_cells / MAX_LATTICE).cbrt());
         return Err(format!(
-            "a cell of {cell:.3e} m would give more than 4 million tetrahedra; choose one above {:.1e} m",
+            "a cell of {cell:.3e} would give more than 4 million tetrahedra in a surface that is {:.3e} across; choose one \
+             above {:.1e}, in the surface's unit",
+            extent.max_element(),
             1.1 * least
         ));
     }

@@ -28,6 +28,8 @@ pub struct Output {
     directory: PathBuf,
     hidden: Temporary,
     names: Vec<String>,
+    /// Which older files are removed at the commit, by their names.
+    replaced: Vec<fn(&str) -> bool>,
 }
 
 impl Output {
@@ -50,7 +52,7 @@ impl Output {
             })?;
             Ok((Unfinished { folder, lock: LOCK, made }, lock))
         })?;
-        Ok(Output { directory: directory.into(), hidden, names: Vec::new() })
+        Ok(Output { directory: directory.into(), hidden, names: Vec::new(), replaced: Vec::new() })
     }
 
     /// A new file that will be called `name`.
@@ -84,6 +86,12 @@ impl Output {
         Error::input(&self.path(name), None, format!("cannot be read again: {error}"), "run the command once more")
     }
 
+    /// Lets the commit remove older files of such names too, of which this output has a part: images of an earlier film
+    /// would stand among those of this one.
+    pub fn replaces(&mut self, is_replaced: fn(&str) -> bool) {
+        self.replaced.push(is_replaced);
+    }
+
     /// Path at which a file called `name` will be after the commit.
     pub fn path(&self, name: &str) -> PathBuf {
         self.directory.join(name)
@@ -93,7 +101,8 @@ impl Output {
     /// replaced. If a file cannot be moved, those moved before go back, and the older files too. A process that is killed
     /// meanwhile may leave some files moved, and older files in the hidden folder, which the next run removes.
     pub fn commit(self) -> Result<()> {
-        let Output { directory, hidden, names, .. } = self;
+        let Output { directory, hidden, names, mut replaced } = self;
+        replaced.retain(|is_replaced| names.iter().any(|name| is_replaced(name)));
         hidden.finish(|folder| {
             let place = |name: &String| Place {
                 new: folder.join(name),
@@ -105,6 +114,14 @@ impl Output {
                 if let Err(source) = place.take() {
                     places[..=moved].iter().rev().for_each(Place::give_back);
                     return Err(Error::Output { file: place.target.clone(), source });
+                }
+            }
+            let older = fs::read_dir(&directory).into_iter().flatten().flatten();
+            for entry in older.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file())) {
+                let name = entry.file_name().to_string_lossy().into_owned();
+                if !names.contains(&name) && replaced.iter().any(|is_replaced| is_replaced(&name)) {
+                    // One that cannot be removed stays.
+                    let _ = fs::remove_file(entry.path());
                 }
             }
             Ok(())
@@ -224,6 +241,25 @@ mod tests {
         output.commit().unwrap();
         assert_eq!(names(&directory), ["x.csv", "y.csv"]);
         assert_eq!(fs::read_to_string(directory.join("x.csv")).unwrap(), "new\n");
+    }
+
+    #[test]
+    fn older_files_of_a_series_go_with_it() {
+        let root = tempfile::tempdir().unwrap();
+        for name in ["frame-1.png", "frame-2.png", "mine.png"] {
+            fs::write(root.path().join(name), "old").unwrap();
+        }
+        let is_frame = |name: &str| name.starts_with("frame-");
+        let mut output = Output::create(root.path()).unwrap();
+        output.write("x.csv", |w| writeln!(w, "x")).unwrap();
+        output.replaces(is_frame);
+        output.commit().unwrap();
+        assert_eq!(names(root.path()), ["frame-1.png", "frame-2.png", "mine.png", "x.csv"]);
+        let mut output = Output::create(root.path()).unwrap();
+        output.write("frame-1.png", |w| writeln!(w, "new")).unwrap();
+        output.replaces(is_frame);
+        output.commit().unwrap();
+        assert_eq!(names(root.path()), ["frame-1.png", "mine.png", "x.csv"]);
     }
 
     #[test]
