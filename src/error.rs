@@ -75,6 +75,7 @@ impl fmt::Display for Error {
                     ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
                         "give a folder that you may write to"
                     }
+                    ErrorKind::InvalidInput => "write into another folder",
                     ErrorKind::AlreadyExists | ErrorKind::NotADirectory | ErrorKind::IsADirectory => {
                         "give another name"
                     }

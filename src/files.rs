@@ -1,9 +1,11 @@
 //! Reading of files that a user names. Only regular files are read (no folders, and no pipes or devices, whose contents
 //! may never end), and only up to a size that leaves memory for the work itself.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::{Error, Result, memory};
 
@@ -11,6 +13,31 @@ use crate::{Error, Result, memory};
 pub const MOST_TEXT: u64 = 64 << 20;
 /// Greatest size of a mesh file, bytes: some eight million vertices of a surface.
 pub const MOST_MESH: u64 = 512 << 20;
+
+/// The files that have been opened since [`forget_inputs`].
+static INPUTS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn inputs() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    INPUTS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Whether a file has been opened here since [`forget_inputs`]: a command does not write over what it reads.
+pub fn is_input(path: &Path) -> bool {
+    path.canonicalize().is_ok_and(|path| inputs().contains(&path))
+}
+
+/// Reads something without counting its files among the inputs.
+pub fn unnoticed<T>(read: impl FnOnce() -> T) -> T {
+    let before = inputs().clone();
+    let read = read();
+    *inputs() = before;
+    read
+}
+
+/// Forgets which files were opened; called where a command begins.
+pub fn forget_inputs() {
+    inputs().clear();
+}
 
 /// The extension of a file's name, in lower case; empty where there is none.
 pub fn extension(path: &Path) -> String {
@@ -24,7 +51,11 @@ pub fn open(path: &Path, remedy: &str) -> Result<File> {
     if let Some(problem) = irregular(path) {
         return Err(failed(problem.into()));
     }
-    File::open(path).map_err(|error| failed(format!("cannot be read: {error}")))
+    let file = File::open(path).map_err(|error| failed(format!("cannot be read: {error}")))?;
+    if let Ok(path) = path.canonicalize() {
+        inputs().insert(path);
+    }
+    Ok(file)
 }
 
 /// Reads a regular file of at most `most` bytes. An error names the file, and ends with `remedy`.
@@ -87,6 +118,18 @@ mod tests {
             std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
             assert!(said(&pipe).contains("a pipe or a device"));
         }
+    }
+
+    #[test]
+    fn what_was_read_is_known_by_any_of_its_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let [read, other] = ["read", "other"].map(|name| folder.path().join(name));
+        for path in [&read, &other] {
+            fs::write(path, "x").unwrap();
+        }
+        bytes(&read, MOST_TEXT, "").unwrap();
+        assert!(is_input(&read) && is_input(&folder.path().join(".").join("read")));
+        assert!(!is_input(&other) && !is_input(&folder.path().join("none")));
     }
 
     #[test]

@@ -104,6 +104,11 @@ impl<'a> Cursor<'a> {
         Error::input(self.path, None, problem, remedy)
     }
 
+    /// What has not been read yet.
+    pub(super) fn left(&self) -> &'a [u8] {
+        &self.bytes[self.at.min(self.bytes.len())..]
+    }
+
     pub(super) fn ended(&self) -> bool {
         self.at >= self.bytes.len()
     }

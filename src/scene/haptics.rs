@@ -206,9 +206,7 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     };
     needs("hand", table.has("hand"), DeviceKind::Hand)?;
     needs("haply", table.has("haply"), DeviceKind::Haply)?;
-    if haptics.unit.is_some() && !haptics.has_units() {
-        return Err(table.error("unit", NOT_A_UNIT, "remove it or set `device`"));
-    }
+    haptics.check_unit().map_err(|(problem, remedy)| table.error("unit", problem, remedy))?;
     needs("recording", haptics.recording.is_some(), DeviceKind::Replay)?;
     if let (DeviceKind::Haply, Some(profile)) = (haptics.device, haptics.profile) {
         of_haply(profile).map_err(|remedy| table.error("profile", NOT_HAPLYS, remedy))?;
@@ -217,14 +215,21 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
 }
 
 impl Haptics {
-    /// Whether the kind of device has a `unit`.
-    pub(super) fn has_units(&self) -> bool {
-        matches!(self.device, DeviceKind::Touch | DeviceKind::ForceDimension)
+    /// Problem and remedy, if `unit` does not go with the kind of device.
+    pub(super) fn check_unit(&self) -> std::result::Result<(), (&'static str, &'static str)> {
+        let Some(unit) = &self.unit else { return Ok(()) };
+        match self.device {
+            DeviceKind::Touch if unit.is_empty() || unit.contains('\0') => {
+                Err(("is no name of a device", "give the name that the maker's Touch Setup shows"))
+            }
+            DeviceKind::ForceDimension if unit.parse::<u16>().is_err() => {
+                Err(("is no serial number of a device", "give one such as \"12345\""))
+            }
+            DeviceKind::Touch | DeviceKind::ForceDimension => Ok(()),
+            _ => Err(("belongs to device = \"touch\" or \"force-dimension\"", "remove it or set `device`")),
+        }
     }
 }
-
-/// What error messages say about a `unit` that no device has.
-pub(super) const NOT_A_UNIT: &str = "belongs to device = \"touch\" or \"force-dimension\"";
 
 /// What error messages say about a profile that [`of_haply`] refuses.
 pub const NOT_HAPLYS: &str = "is not that of a Haply";

@@ -11,7 +11,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::cursor::LARGEST;
+use super::cursor::{BYTE_ORDER_MARK, LARGEST};
 use super::triangles::TriangleMesh;
 use super::triangulate::triangulate;
 use crate::{Error, Result, files};
@@ -21,14 +21,18 @@ const REMEDY: &str = "give an OBJ file";
 /// Reads an OBJ file: polygons are cut into triangles, the groups and objects of the file are joined into one mesh, and
 /// vertices stay in file order. Every coordinate of the result is finite, and every index is that of a vertex.
 pub(super) fn read(path: &Path) -> Result<TriangleMesh> {
-    let bytes = files::mesh(path, REMEDY)?;
-    Ok(parse(&String::from_utf8_lossy(&bytes), path)?.mesh)
+    Ok(parse(&text(path)?, path)?.mesh)
 }
 
 /// Returns, for each triangle of an OBJ file, the one-based number of the line whose face contains the triangle.
 pub(super) fn triangle_lines(path: &Path) -> Result<Vec<u32>> {
+    Ok(parse(&text(path)?, path)?.lines)
+}
+
+/// The text of a file; bytes that are no text are replaced.
+fn text(path: &Path) -> Result<String> {
     let bytes = files::mesh(path, REMEDY)?;
-    Ok(parse(&String::from_utf8_lossy(&bytes), path)?.lines)
+    Ok(String::from_utf8_lossy(bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes)).into_owned())
 }
 
 /// The mesh of a file, and for each triangle the one-based number of the line whose face contains it.

@@ -96,6 +96,10 @@ pub(super) fn read(path: &Path) -> Result<TriangleFile> {
             }
         }
     }
+    let left = cursor.left().trim_ascii().len();
+    if left > 0 {
+        notes.push(format!("{left} bytes after the last element were left out"));
+    }
     if faces.is_empty() && strips.is_empty() && !vertices.is_empty() {
         return Err(cursor.error_of_file("has no faces", "give a surface: points alone are none"));
     }

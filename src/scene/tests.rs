@@ -432,6 +432,8 @@ fn haptics_are_read_and_what_no_device_has_is_refused() {
         ("haply = { address = \"ws://localhost:1\" }", "`haptics.haply`: belongs to device = \"haply\""),
         ("unit = \"1\"", "`haptics.unit`: belongs to device = \"touch\" or \"force-dimension\""),
         ("device = \"touch\"\nunit = 1", "`haptics.unit`"),
+        ("device = \"touch\"\nunit = \"\"", "`haptics.unit`: is no name of a device"),
+        ("device = \"force-dimension\"\nunit = \"left\"", "`haptics.unit`: is no serial number"),
         ("device = \"hand\"\nhand = { mass = 100 }", "`haptics.hand`: the hand's mass is 100 kg"),
         ("device = \"hand\"\nhand = { weight = 1 }", "`haptics.hand.weight`"),
         ("max_torque = -1", "`haptics.max_torque`"),

@@ -148,7 +148,11 @@ pub(super) fn settle(file: Contents, cursor: &Cursor) -> Result<TetMesh> {
         }
         tetrahedra.push(nodes);
     }
-    let notes = notes(&file, turned, &tetrahedra);
+    let mut notes = notes(&file, turned, &tetrahedra);
+    let absent = file.grouped_nodes.values().flatten().filter(|id| !file.index.contains_key(id)).count();
+    if absent > 0 {
+        notes.push(format!("{absent} nodes of points, lines and faces in groups do not exist, and were left out"));
+    }
     let of_nodes = node_groups(&file);
     let of = file.elements.iter().map(|element| element.group).collect();
     let groups = Groups { of, names: file.groups, of_nodes };

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
+use palpate::internal::files as inputs;
 use palpate::scene::vtk_xml::read_series;
 use palpate::{Error, Result, Scene, Simulation};
 
@@ -142,7 +143,12 @@ impl Export {
         let folder = std::mem::take(&mut self.folder);
         let lost = || Error::Simulation(format!("internal error: the series {} is not written", folder.display()));
         let (output, series) = self.written().ok_or_else(lost)??;
-        let older = older(&folder, &series);
+        // The older series is not an input, though it is looked at.
+        let older = inputs::unnoticed(|| older(&folder, &series));
+        if let Some(file) = older.iter().find(|file| inputs::is_input(file)) {
+            let problem = "is of the older series that this one would replace, but this command reads it";
+            return Err(Error::input(file, None, problem, "export into another folder"));
+        }
         output.commit()?;
         for file in older {
             std::fs::remove_file(&file).map_err(|source| Error::Output { file, source })?;

@@ -34,7 +34,7 @@ use std::io::{IsTerminal, Write};
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
-use palpate::internal::printable;
+use palpate::internal::{files, printable};
 use palpate::{Error, Result};
 
 #[cfg(feature = "view")]
@@ -113,6 +113,7 @@ pub fn command(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>)
 }
 
 fn run_command(command: Command) -> Result<()> {
+    files::forget_inputs();
     match command {
         Command::Run(arguments) => run::run(&arguments),
         Command::Replay(arguments) => replay::replay(&arguments),

@@ -193,7 +193,15 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
         tell(&format!("{}: was edited, and is kept; the new scene is {scene}", out.join(SCENE).display()));
     }
     let scene = out.join(scene);
-    print(&format!("{report}{}: run it with: palpate run {}\n", out.display(), scene.display()))
+    print(&format!("{report}{}: run it with: palpate run {}\n", out.display(), pasted(&scene)))
+}
+
+/// A path as it can be pasted into a shell.
+fn pasted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let text = if text.starts_with('-') { format!("./{text}") } else { text };
+    let is_plain = |c: char| c.is_alphanumeric() || "/._-+:,@\\".contains(c);
+    if text.chars().all(is_plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 fn write_text(w: &mut impl std::io::Write, report: &Report) -> std::io::Result<()> {

@@ -43,6 +43,8 @@ fn scene(folder: &Path, more: &str) -> PathBuf {
 /// of `summary.json`.
 fn hold(folder: &Path, more: &str, record: &str) -> Value {
     let (scene, out, record) = (scene(folder, more), folder.join("out"), folder.join(record));
+    // A recording does not replace another.
+    let _ = fs::remove_file(&record);
     let [scene, out_name, record] = [&scene, &out, &record].map(|path| path.to_str().unwrap());
     let arguments = ["run", scene, "--seconds", "1.5", "--out", out_name, "--record", record];
     let (status, _, stderr) = palpate(&arguments);

@@ -58,6 +58,20 @@ impl Measured {
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
         let heads = reader.headers().map_err(|error| wrong(Some(1), format!("cannot be read: {error}")))?.clone();
         let columns: Vec<(String, String)> = heads.iter().map(name_and_unit).collect();
+        let is_used = |name: &str| name == "force" || ABSCISSAE.iter().any(|(known, _)| *known == name);
+        for (at, (name, _)) in columns.iter().enumerate().filter(|(_, (name, _))| is_used(name)) {
+            if columns[..at].iter().any(|(other, _)| other == name) {
+                return Err(wrong(Some(1), format!("two columns are called {name}")));
+            }
+        }
+        let abscissae: Vec<&str> =
+            columns.iter().map(|(name, _)| name.as_str()).filter(|n| is_used(n) && *n != "force").collect();
+        if let [one, other, ..] = abscissae[..] {
+            return Err(wrong(
+                Some(1),
+                format!("the force may be over {one} or over {other}: leave one of the columns out"),
+            ));
+        }
         let find = |name: &str| columns.iter().position(|(head, _)| head == name);
         let Some((x, over)) = ABSCISSAE.iter().find_map(|(name, over)| Some((find(name)?, *over))) else {
             return Err(wrong(Some(1), "no column is called time, indentation or depth".into()));
@@ -86,7 +100,13 @@ impl Measured {
                     Error::input(file, line, problem, "correct or remove the line")
                 })
             };
-            points.push((factors[0] * number(x)?, factors[1] * number(force)?));
+            let point = (factors[0] * number(x)?, factors[1] * number(force)?);
+            let is_back = points.last().is_some_and(|last: &(f64, f64)| point.0 <= last.0);
+            if over == Abscissa::Time && (point.0 < 0.0 || is_back) {
+                let problem = format!("time {} is below zero, or not after the one before", point.0);
+                return Err(Error::input(file, line, problem, "give times in ascending order, from 0 s on"));
+            }
+            points.push(point);
         }
         Measured::of(over, points).map_err(|error| Error::input(file, None, error.to_string(), "measure more points"))
     }
@@ -137,6 +157,10 @@ mod tests {
             ("time (s),force (N)\n1,2\n2,\"x\ny\"\n3,4\n", "curve.csv:3: \"x\\ny\" is no number"),
             ("time (s),force (N)\n1,2\n2,inf\n3,4\n", "curve.csv:3"),
             ("time (s),force (N)\n1,2\n2,3\n", "three or more"),
+            ("time (s),force (N),force (N)\n1,2,2\n", "two columns are called force"),
+            ("time (s),depth (mm),force (N)\n1,2,2\n", "over time or over depth"),
+            ("time (s),force (N)\n1,2\n3,3\n2,3\n", "curve.csv:4: time 2"),
+            ("time (s),force (N)\n-1,2\n3,3\n4,3\n", "curve.csv:2: time -1"),
         ] {
             let message = read(text).unwrap_err();
             assert!(message.contains(part), "{message}");

@@ -119,7 +119,10 @@ pub fn fit(
     context: &Arc<Context>,
 ) -> Result<Fit> {
     let mut initial = Vec::new();
-    for Free { key, .. } in free {
+    for (k, Free { key, .. }) in free.iter().enumerate() {
+        if free[..k].iter().any(|other| other.key == *key) {
+            return Err(Error::key(&file, key, "is given twice as a free value", "give it once"));
+        }
         let value = dotted::get(tables, key)?;
         let number = value.as_ref().and_then(|value| value.as_float().or(value.as_integer().map(|whole| whole as f64)));
         initial.push(number.ok_or_else(|| {

@@ -72,6 +72,9 @@ impl Trace {
         let mut table = csv::Reader::from_reader(BufReader::new(files::open(path, REMEDY)?));
         let names: Vec<String> =
             table.headers().map_err(|error| wrong(None, error.to_string()))?.iter().map(Into::into).collect();
+        if let Some((_, twice)) = names.iter().enumerate().find(|(at, name)| names[..*at].contains(name)) {
+            return Err(wrong(Some(1), format!("two columns are called \"{}\"", twice.escape_debug())));
+        }
         let mut columns = vec![Vec::new(); names.len()];
         for row in table.records() {
             let row = row.map_err(|error| wrong(error.position().map(csv::Position::line), error.to_string()))?;

@@ -10,6 +10,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use palpate::internal::files;
 use palpate::{Error, Result};
 
 use crate::signals::{Temporary, Unfinished};
@@ -63,6 +64,7 @@ impl Output {
         if self.path(name).is_dir() {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
+        unharmed(&self.path(name)).map_err(failed)?;
         let file = File::create(self.hidden.folder().join(name)).map_err(failed)?;
         self.names.push(name.into());
         Ok(BufWriter::new(file))
@@ -110,6 +112,9 @@ impl Output {
                 target: directory.join(name),
             };
             let places: Vec<Place> = names.iter().map(place).collect();
+            for Place { target, .. } in &places {
+                unharmed(target).map_err(|source| Error::Output { file: target.clone(), source })?;
+            }
             for (moved, place) in places.iter().enumerate() {
                 if let Err(source) = place.take() {
                     places[..=moved].iter().rev().for_each(Place::give_back);
@@ -126,6 +131,20 @@ impl Output {
             }
             Ok(())
         })
+    }
+}
+
+/// Refuses to replace a file that this command has read, and what is no regular file: a link would be replaced, and not
+/// what it leads to.
+fn unharmed(path: &Path) -> io::Result<()> {
+    if files::is_input(path) {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "this command reads it, and would overwrite it"));
+    }
+    match path.symlink_metadata() {
+        Ok(facts) if !facts.is_file() && !facts.is_dir() => {
+            Err(io::Error::new(ErrorKind::AlreadyExists, "it is a link, a pipe or a device, not a file"))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -241,6 +260,24 @@ mod tests {
         output.commit().unwrap();
         assert_eq!(names(&directory), ["x.csv", "y.csv"]);
         assert_eq!(fs::read_to_string(directory.join("x.csv")).unwrap(), "new\n");
+    }
+
+    #[test]
+    fn what_was_read_and_what_is_no_file_are_not_replaced() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join("x.csv"), "read").unwrap();
+        let mut output = Output::create(root.path()).unwrap();
+        output.write("x.csv", |w| writeln!(w, "x")).unwrap();
+        files::bytes(&root.path().join("x.csv"), 100, "").unwrap();
+        assert!(output.file("x.csv").unwrap_err().to_string().contains("this command reads it"));
+        assert!(output.commit().unwrap_err().to_string().contains("write into another folder"));
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(root.path().join("none"), root.path().join("link")).unwrap();
+            let mut output = Output::create(root.path()).unwrap();
+            assert!(output.file("link").unwrap_err().to_string().contains("it is a link"));
+        }
+        assert_eq!(fs::read_to_string(root.path().join("x.csv")).unwrap(), "read");
     }
 
     #[test]

@@ -25,8 +25,10 @@ use super::protocol::{self, State};
 pub const STATE_LIFE: Duration = Duration::from_millis(50);
 /// Number of garbled (malformed or implausible) frames in a row after which reading the device is a fault.
 pub const MANY_GARBLED: u32 = 5;
-/// Greatest age of a force from the haptic loop that is still sent; instead of an older force, zero is sent.
+/// Greatest age of a force from the haptic loop that is still sent, at least three periods of the loop; instead of an
+/// older force, zero is sent.
 pub const FORCE_LIFE: Duration = Duration::from_millis(20);
+const FORCE_PERIODS: u32 = 3;
 /// A connection that gives no usable state for this long is replaced by a new one.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Longest wait for a new connection's inventory, the first frame, which lists the devices.
@@ -230,7 +232,7 @@ impl Exchange {
     fn force(&mut self) -> DVec3 {
         let order = self.orders.read();
         let is_seen = self.shot.state.is_some_and(|(at, _)| at.elapsed() <= STATE_LIFE);
-        let is_meant = order.written.is_some_and(|at| at.elapsed() <= FORCE_LIFE);
+        let is_meant = order.written.is_some_and(|at| at.elapsed() <= FORCE_LIFE.max(FORCE_PERIODS * self.period));
         if is_seen && is_meant && self.shot.garbled < MANY_GARBLED {
             return order.force;
         }
