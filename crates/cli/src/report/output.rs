@@ -90,6 +90,7 @@ impl Output {
 
     /// Lets the commit remove older files of such names too, of which this output has a part: images of an earlier film
     /// would stand among those of this one.
+    #[cfg(any(feature = "view", test))]
     pub fn replaces(&mut self, is_replaced: fn(&str) -> bool) {
         self.replaced.push(is_replaced);
     }
