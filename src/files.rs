@@ -34,6 +34,13 @@ pub fn unnoticed<T>(read: impl FnOnce() -> T) -> T {
     read
 }
 
+/// Counts a file among the inputs before it is opened.
+pub fn will_read(path: &Path) {
+    if let Ok(path) = path.canonicalize() {
+        inputs().insert(path);
+    }
+}
+
 /// Forgets which files were opened; called where a command begins.
 pub fn forget_inputs() {
     inputs().clear();
@@ -52,9 +59,7 @@ pub fn open(path: &Path, remedy: &str) -> Result<File> {
         return Err(failed(problem.into()));
     }
     let file = File::open(path).map_err(|error| failed(format!("cannot be read: {error}")))?;
-    if let Ok(path) = path.canonicalize() {
-        inputs().insert(path);
-    }
+    will_read(path);
     Ok(file)
 }
 

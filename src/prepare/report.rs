@@ -303,13 +303,19 @@ impl fmt::Display for Report {
             writeln!(f, "surface: {state}, {} pairs of triangles intersect", repair.self_intersections.count)?;
         }
         if let Some(layer) = &self.layer {
+            let off = format!("{:+.2} % off the skin's", 100.0 * layer.volume_difference);
+            // A hollow layer, which a thickness makes, is compared with its inside.
+            let is_hollow = layer.volume_m3 < 0.99 * (1.0 + layer.volume_difference) * skin.volume_m3;
+            let volume = match is_hollow {
+                true => format!("a shell of {:.6e} m^3, with its inside {off}", layer.volume_m3),
+                false => format!("volume {off}"),
+            };
             writeln!(
                 f,
-                "layer: {} nodes, {} tetrahedra, volume {:+.2} % off the skin's, least dihedral angle {:.1} degrees \
+                "layer: {} nodes, {} tetrahedra, {volume}, least dihedral angle {:.1} degrees \
                  (above {:.1} degrees in 99 % of the tetrahedra), largest extrapolation {:.2e}",
                 layer.nodes,
                 layer.tetrahedra,
-                100.0 * layer.volume_difference,
                 layer.worst_dihedral_deg,
                 layer.first_percentile_dihedral_deg,
                 layer.largest_extrapolation

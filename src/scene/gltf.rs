@@ -291,7 +291,7 @@ impl<'a> Reader<'a> {
 
     /// The item of a list that the file names by its index; `what` is the kind of its items.
     fn item<T>(&self, list: &'a [T], index: usize, what: &str) -> Result<&'a T> {
-        let missing = || self.error(format!("names {what} {index}, but has {}", list.len()));
+        let missing = || self.error(format!("names {what} {index}, but the file has {}", list.len()));
         list.get(index).ok_or_else(missing)
     }
 

@@ -206,6 +206,10 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     };
     needs("hand", table.has("hand"), DeviceKind::Hand)?;
     needs("haply", table.has("haply"), DeviceKind::Haply)?;
+    if haptics.unit.is_some() && !matches!(haptics.device, DeviceKind::Touch | DeviceKind::ForceDimension) {
+        let problem = "belongs to device = \"touch\" or \"force-dimension\"";
+        return Err(table.error("unit", problem, "remove it or set `device`"));
+    }
     haptics.check_unit().map_err(|(problem, remedy)| table.error("unit", problem, remedy))?;
     needs("recording", haptics.recording.is_some(), DeviceKind::Replay)?;
     if let (DeviceKind::Haply, Some(profile)) = (haptics.device, haptics.profile) {
@@ -225,8 +229,8 @@ impl Haptics {
             DeviceKind::ForceDimension if unit.parse::<u16>().is_err() => {
                 Err(("is no serial number of a device", "give one such as \"12345\""))
             }
-            DeviceKind::Touch | DeviceKind::ForceDimension => Ok(()),
-            _ => Err(("belongs to device = \"touch\" or \"force-dimension\"", "remove it or set `device`")),
+            // A scene of such a device may be rehearsed with another one.
+            _ => Ok(()),
         }
     }
 }

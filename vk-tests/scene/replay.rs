@@ -44,6 +44,8 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
     let trajectory =
         Trajectory::new(&scene.trajectory, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });
     let header = Header::new(scene, &simulation, "scripted", "keys").unwrap();
+    // A recording does not replace another.
+    let _ = std::fs::remove_file(file);
     let mut recording = Recording::create(file, &header).unwrap();
     recording.begin(&settings, &tool).unwrap();
     let mut servo = Servo::new(settings, tool);

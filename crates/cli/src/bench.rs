@@ -90,6 +90,7 @@ pub fn bench(arguments: &Arguments) -> Result<()> {
     // Earlier results are read first, so that a wrong path is an error before minutes are spent on measuring.
     let old = arguments.compare.as_deref().map(results_in).transpose()?;
     let output = arguments.out.as_deref().map(Output::create).transpose()?;
+    output.as_ref().map_or(Ok(()), |output| output.reserve(&[measured::RESULTS]))?;
     let (results, mut failed) = if arguments.merge.is_empty() {
         let head = Head::new(arguments.device.as_deref(), arguments.quick)?;
         let is_asked = |name: &str, part: &str| asked.iter().any(|(n, p)| *n == name && p == part);

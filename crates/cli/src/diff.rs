@@ -148,11 +148,7 @@ pub fn diff(arguments: &Arguments) -> Result<()> {
         output.commit()?;
     }
     let is_equal = all.iter().all(|one| one.share() == 0.0) && findings.unmatched.is_empty();
-    print(&format!(
-        "{}{}",
-        Table(&all),
-        if is_equal { "the runs are equal, bit by bit as far as they were compared\n" } else { "" }
-    ))?;
+    print(&format!("{}{}", Table(&all), if is_equal { "no difference was found in what was compared\n" } else { "" }))?;
     let worst = all.iter().max_by(|a, b| a.share().total_cmp(&b.share()));
     match worst.filter(|worst| worst.share() > arguments.tolerance) {
         None if findings.unmatched.is_empty() => Ok(()),

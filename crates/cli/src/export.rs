@@ -38,7 +38,7 @@ pub struct Arguments {
     #[arg(long, value_name = "F", requires = "export", value_parser = positive, allow_negative_numbers = true)]
     fps: Option<f64>,
     /// How well the series is compressed, from 1 (fast) to 9 (small); 0 does not compress
-    #[arg(long, value_name = "N", requires = "export", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=9))]
+    #[arg(long, value_name = "N", requires = "export", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=9), allow_negative_numbers = true)]
     compression: u8,
 }
 

@@ -50,7 +50,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE-OR-DIR")]
     out: PathBuf,
     /// Frames per second
-    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 25, value_parser = clap::value_parser!(u16).range(1..=1000), allow_negative_numbers = true)]
     fps: u16,
     /// Simulated seconds per second of film: 1 is real time, 0.1 is slow motion
     #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
@@ -224,6 +224,9 @@ pub fn film(arguments: &Arguments) -> Result<()> {
         studio.picture(&mut simulation)
     };
     let count = pictures as u64;
+    if name.is_none() {
+        output.replaces(is_frame);
+    }
     match name {
         None => (0..pictures as u64).try_for_each(|k| {
             let picture = take(k)?;
@@ -236,7 +239,6 @@ pub fn film(arguments: &Arguments) -> Result<()> {
             file.flush().map_err(failed)?;
         }
     }
-    output.replaces(is_frame);
     output.commit()?;
     print(&format!("{}: {count} images for {duration:?} s\n", arguments.out.display()))
 }

@@ -76,6 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         .map_err(|error| Error::Usage(format!("{}: {error}", scene.display())))?;
     let measured = Measured::read(data)?;
     let output = arguments.out.as_deref().map(Output::create).transpose()?;
+    output.as_ref().map_or(Ok(()), |output| output.reserve(&[RESULT, CURVE, PAGE]))?;
     let options = Options { device: arguments.device.clone(), threads: Some(Threads::Auto), ..Options::of_program() };
     let found = fit(scene.clone(), &tables, &measured, &arguments.free, &Context::open(&options)?)?;
     let words = words(&found, &measured);

@@ -52,7 +52,7 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
             return wrong("does not apply to a replay, which has the profile of its recording", "leave it out");
         }
         DeviceKind::Haply => palpate::scene::of_haply(profile).or_else(|remedy| wrong(NOT_HAPLYS, &remedy))?,
-        // The driver itself refuses what its device does not bear.
+        // The driver itself takes the lower of each limit.
         DeviceKind::Scripted | DeviceKind::Hand | DeviceKind::Touch | DeviceKind::ForceDimension => {}
     }
     scene.haptics.profile = Some(profile);
@@ -201,9 +201,23 @@ pub fn hold(
         }
     };
     let mut environment = Watched { engine, report: None, watch: &mut watch };
-    let report = session::hold(device, &tool, &scene.haptics, &mut environment, &options, write)?;
+    let held = session::hold(device, &tool, &scene.haptics, &mut environment, &options, write);
+    if let (Err(_), None, Some(path)) = (&held, played.begin, record) {
+        // Of a session that did not begin there is nothing to keep.
+        let _ = std::fs::remove_file(path);
+    }
+    let report = held?;
     recording.map_or(Ok(()), |recording| recording.finish().map(drop))?;
     Ok(report)
+}
+
+/// Refuses a file for a recording that is there already.
+pub fn refuse_existing(path: &Path) -> Result<()> {
+    if path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    let problem = "is there already, and no session is ever the same again";
+    Err(Error::input(path, None, problem, "record into another file, or remove this one"))
 }
 
 fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> Result<Recording> {
@@ -211,10 +225,6 @@ fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> 
     if same(&scene.file) || scene.haptics.recording.as_deref().is_some_and(same) {
         let problem = "is a file that this run reads, and would be overwritten";
         return Err(Error::input(path, None, problem, "record into another file"));
-    }
-    if path.exists() {
-        let problem = "is there already, and no session is ever the same again";
-        return Err(Error::input(path, None, problem, "record into another file, or remove this one"));
     }
     let header = Header::new(scene, engine.simulation(), profile.name, scene.haptics.device.name())?;
     Recording::create(path, &header)

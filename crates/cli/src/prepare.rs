@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use palpate::internal::files;
 use palpate::internal::prepare::report::peak_memory;
 use palpate::internal::prepare::{self, Body, Cache, Layer, Report, Shape, Skin, Stage, bind};
 use palpate::scene::triangles::EXTENSIONS;
@@ -25,11 +26,10 @@ use crate::{print, tell};
 /// Number of steps of the progress bar after the body is made: one for the images, one for the files.
 const AFTER: u64 = 2;
 
-/// The scene that is written, and its name where an edited one keeps that name.
+/// The scene that is written; where an edited one has that name, `scene-1.toml` and so on.
 const SCENE: &str = "scene.toml";
-const NEW_SCENE: &str = "scene-new.toml";
-/// Key of `report.json` whose value is the digest (SHA-256) of the scene that was written.
-const DIGEST: &str = "scene_sha256";
+/// Key of `report.json` with the digests (SHA-256) of the scenes that were written, by the names of their files.
+const DIGESTS: &str = "scenes_sha256";
 
 /// Default number of lattice cells (cubes that are filled with tetrahedra) along a surface's largest extent.
 const CELLS: u32 = 40;
@@ -133,12 +133,16 @@ fn digest(text: &[u8]) -> String {
     Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Whether a folder has a scene that somebody has changed since an earlier run wrote it, and that is not `new`.
-fn is_edited(folder: &Path, new: &[u8]) -> bool {
-    let Ok(there) = std::fs::read(folder.join(SCENE)) else { return false };
+/// The digests of the scenes that earlier runs wrote into a folder, by the names of their files.
+fn digests(folder: &Path) -> serde_json::Value {
     let report = std::fs::read(folder.join("report.json")).unwrap_or_default();
     let report: serde_json::Value = serde_json::from_slice(&report).unwrap_or_default();
-    there != new && report[DIGEST] != digest(&there).as_str()
+    if report[DIGESTS].is_object() { report[DIGESTS].clone() } else { serde_json::json!({}) }
+}
+
+/// Whether there is a scene that is neither `new` nor, by its digest, what an earlier run wrote.
+fn is_edited(scene: &Path, written: &serde_json::Value, new: &[u8]) -> bool {
+    std::fs::read(scene).is_ok_and(|there| there != new && *written != digest(&there).as_str())
 }
 
 fn depths_of(arguments: &Arguments, layer: &Layer, skin: &Skin) -> Result<Vec<f64>> {
@@ -152,6 +156,10 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     // A directory that cannot be written is an error before the work begins, not after it.
     let out = out_of(arguments);
     let mut output = Output::create(&out)?;
+    if let scene::Shape::Soft { surface: Some(Surface::File(file)), .. } = &scene.bodies[0].shape {
+        files::will_read(file);
+    }
+    output.reserve(&["skin.obj", "layer.msh"])?;
     let bar = progress();
     let cache = if arguments.no_cache { Cache::off() } else { Cache::of_user() };
     let (body, mut report) = prepare::body_and_report(&scene.bodies[0], &scene, &cache, &mut |stage| {
@@ -179,20 +187,22 @@ pub fn prepare(arguments: &Arguments) -> Result<()> {
     let mut text = Vec::new();
     let written = Press::into(skin, layer, &depths).write(&mut text, &body.name, &cores);
     written.map_err(|source| Error::Output { file: out.join(SCENE), source })?;
-    let scene = if is_edited(&out, &text) { NEW_SCENE } else { SCENE };
-    output.write(scene, |w| w.write_all(&text))?;
+    let mut digests = digests(&out);
+    let names = std::iter::once(SCENE.into()).chain((1..).map(|k| format!("scene-{k}.toml")));
+    let scene = names.into_iter().find(|name| !is_edited(&out.join(name), &digests[name.as_str()], &text));
+    let scene = scene.unwrap_or_else(|| SCENE.into());
+    output.write(&scene, |w| w.write_all(&text))?;
+    digests[scene.as_str()] = digest(&text).into();
     let mut facts = serde_json::to_value(&*report).map_err(|error| Error::Simulation(error.to_string()))?;
-    if scene == SCENE {
-        facts[DIGEST] = digest(&text).into();
-    }
+    facts[DIGESTS] = digests;
     output.write("report.json", |w| serde_json::to_writer_pretty(w, &facts).map_err(Into::into))?;
     output.write("report.txt", |w| write_text(w, report))?;
     output.commit()?;
     bar.finish_and_clear();
     if scene != SCENE {
-        tell(&format!("{}: was edited, and is kept; the new scene is {scene}", out.join(SCENE).display()));
+        tell(&format!("{}: seems to be edited, and is kept; the new scene is {scene}", out.join(SCENE).display()));
     }
-    let scene = out.join(scene);
+    let scene = out.join(&scene);
     print(&format!("{report}{}: run it with: palpate run {}\n", out.display(), pasted(&scene)))
 }
 

@@ -76,7 +76,9 @@ fn pose(text: &str) -> std::result::Result<Pose, String> {
 
 fn direction(text: &str) -> std::result::Result<DVec3, String> {
     let direction = DVec3::from_array(numbers(text)?);
-    direction.try_normalize().ok_or_else(|| "the direction has no length; give one that is not zero".into())
+    // By its greatest component first: the square of a very long or short one is no number.
+    let scaled = direction / direction.abs().max_element();
+    scaled.try_normalize().ok_or_else(|| "the direction has no length; give one that is not zero".into())
 }
 
 fn length(text: &str) -> std::result::Result<f64, String> {

@@ -199,6 +199,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let kind = DeviceKind::CHOICES.iter().find(|(known, _)| known == name);
         scene.haptics.device = kind.map_or(scene.haptics.device, |(_, kind)| *kind);
     }
+    arguments.record.as_deref().map_or(Ok(()), hold::refuse_existing)?;
     if arguments.record.is_some() && arguments.haptics.is_none() && !scene.haptics.has_device {
         tell(
             "--record makes this a session in real time, whose device follows [drive]; --haptics gives another device",

@@ -148,16 +148,41 @@ fn an_edited_scene_is_not_lost() {
     let first = scene("scene.toml");
     prepared(&cache, &out, &[&SMALL[..], &["--scale", "2"]].concat());
     let second = scene("scene.toml");
-    assert!(second != first && !out.join("scene-new.toml").exists());
+    assert!(second != first && !out.join("scene-1.toml").exists());
     let edited = second.replace("young = 2e4", "young = 5e4");
     fs::write(out.join("scene.toml"), &edited).unwrap();
     for _ in 0..2 {
         let output = prepare(&cache, &out, &SMALL);
         let said = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.success() && said.contains("was edited, and is kept"), "{said}");
-        assert!(String::from_utf8(output.stdout).unwrap().contains("scene-new.toml"));
-        assert_eq!((scene("scene.toml"), scene("scene-new.toml")), (edited.clone(), first.clone()));
+        assert!(output.status.success() && said.contains("seems to be edited, and is kept"), "{said}");
+        assert!(String::from_utf8(output.stdout).unwrap().contains("scene-1.toml"));
+        assert_eq!((scene("scene.toml"), scene("scene-1.toml")), (edited.clone(), first.clone()));
     }
+    fs::write(out.join("scene-1.toml"), &edited).unwrap();
+    prepared(&cache, &out, &SMALL);
+    assert_eq!(
+        [scene("scene.toml"), scene("scene-1.toml"), scene("scene-2.toml")],
+        [&edited, &edited, &first].map(String::from)
+    );
+    // The surface itself may be called as a result is.
+    let own = ["skin.obj", "--cells", "5", "--no-pictures", "--out", "."];
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_palpate")).arg("prepare").args(own).current_dir(&out).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && said.contains("skin.obj: this command reads it"), "{said}");
+}
+
+#[test]
+fn a_shell_is_told_apart_from_a_full_layer() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |name: &str, more: &[&str]| {
+        prepared(&folder.path().join("cache"), &folder.path().join(name), &[&SMALL[..], more].concat());
+        fs::read_to_string(folder.path().join(name).join("report.txt")).unwrap()
+    };
+    let full = told("full", &[]);
+    assert!(full.contains("tetrahedra, volume ") && !full.contains("shell"), "{full}");
+    let shell = told("shell", &["--thickness", "0.03"]);
+    assert!(shell.contains("tetrahedra, a shell of ") && shell.contains("with its inside "), "{shell}");
 }
 
 #[test]

@@ -56,6 +56,8 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
         arm: 0.02,
         resolution: 2e-5,
     };
+    // A recording does not replace another.
+    let _ = fs::remove_file(&file);
     let mut recording =
         Recording::create(&file, &Header::new(&loaded, &simulation, "scripted", "down").unwrap()).unwrap();
     recording.begin(&settings, &tool).unwrap();

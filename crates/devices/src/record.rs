@@ -145,13 +145,13 @@ enum Sink {
 }
 
 impl Recording {
-    /// Creates the file, replacing an existing one. A file that cannot be replayed is made where its name ends in
+    /// Creates the file, which must not exist. A file that cannot be replayed is made where its name ends in
     /// `.csv`, with the ticks alone as a table (see [`Table`]), and in `.mcap`, with all of it for other programs (see
     /// [`Log`]).
     pub fn create(path: &Path, header: &Header) -> Result<Recording> {
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         let failed = |source| Error::Output { file: path.into(), source };
-        let mut file = BufWriter::with_capacity(BUFFER, File::create(path).map_err(failed)?);
+        let mut file = BufWriter::with_capacity(BUFFER, File::create_new(path).map_err(failed)?);
         let sink = match ending.to_str() {
             Some("csv") => Sink::Csv(Box::new(Table::new(file))),
             Some("mcap") => Sink::Mcap(Box::new(Log::new(file, header).map_err(failed)?)),

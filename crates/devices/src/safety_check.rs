@@ -132,7 +132,8 @@ impl Checker<'_, '_> {
         }
         if let Some(force) = force {
             let wrench = Wrench { force, torque: DVec3::ZERO };
-            self.device.write(&wrench).map_err(|fault| fault.to_string())?;
+            // A driver refuses the first wrench after a pause.
+            self.device.write(&wrench).or_else(|_| self.device.write(&wrench)).map_err(|fault| fault.to_string())?;
         }
         // Ticks that were missed are not made up for.
         self.time = (self.guide.wait)(self.time + PERIOD);

@@ -139,14 +139,16 @@ impl Desk {
 
     /// Publishes a fault, after which the device is not well for `life`.
     fn report_for(&mut self, life: Duration, fault: Fault) {
-        self.sample.trouble = Some(fault);
-        self.ill_until = Some(Instant::now() + life);
+        let until = Instant::now() + life;
+        if self.ill_until.is_none_or(|before| before <= until) {
+            (self.sample.trouble, self.ill_until) = (Some(fault), Some(until));
+        }
         self.samples.write(self.sample.clone());
     }
 
-    /// Whether the haptic loop has commanded anything yet.
+    /// Whether the haptic loop commands the device now.
     fn is_commanded(&mut self) -> bool {
-        self.orders.read().written.is_some()
+        self.orders.read().written.is_some_and(|at| at.elapsed() <= self.order_life)
     }
 
     /// The wrench to command now: the newest of the haptic loop within the limits, or none where it is too old, is not
@@ -187,6 +189,8 @@ pub struct Vendor<L: Library> {
     /// The device that was found first; from then on any other is refused.
     found: Option<Found>,
     line: Option<Line<L::Running>>,
+    /// Whether [`Vendor::identify`] has opened the device.
+    is_identified: bool,
 }
 
 /// The haptic loop's end of the exchange.
@@ -207,19 +211,29 @@ struct Line<R> {
 impl<L: Library> Vendor<L> {
     /// A device that is not open yet; the library is not opened here.
     pub fn new(settings: Settings) -> Vendor<L> {
-        Vendor { settings, profile: L::SMALLEST.clone(), found: None, line: None }
+        Vendor { settings, profile: L::SMALLEST.clone(), found: None, line: None, is_identified: false }
     }
 
-    /// Opens and closes the device without exerting a force, to learn its type and thereby its profile. A caller that
-    /// takes limits from [`Device::profile`] before [`Device::open`] must call this first; otherwise it gets the
-    /// smallest limits.
+    /// Opens the device without exerting a force, to learn its type and thereby its profile; [`Device::open`] then goes
+    /// on with it, since libraries may need long to release a device. A caller that takes limits from
+    /// [`Device::profile`] before [`Device::open`] must call this first; otherwise it gets the smallest limits.
     ///
     /// # Errors
     /// The errors of [`Device::open`].
     pub fn identify(&mut self) -> Result<(), Fault> {
         self.open()?;
-        self.close();
+        self.is_identified = true;
         Ok(())
+    }
+
+    /// Whether the device that [`Vendor::identify`] has opened is well; its present place becomes home.
+    fn goes_on(&mut self) -> bool {
+        let home = self.settings.home;
+        let Some(line) = self.line.as_mut().filter(|_| std::mem::take(&mut self.is_identified)) else { return false };
+        let sample = line.samples.read();
+        let Some((at, state, _)) = sample.state.filter(|_| sample.trouble.is_none()) else { return false };
+        line.offset = home - state.position;
+        at.elapsed() <= SAMPLE_LIFE
     }
 
     fn line(&mut self) -> Result<&mut Line<L::Running>, Fault> {
@@ -236,6 +250,9 @@ impl<L: Library> Device for Vendor<L> {
     /// Opens the library and the device, and waits for its first sample, 2 s at most. If a device was found before, any
     /// other is refused.
     fn open(&mut self) -> Result<(), Fault> {
+        if self.goes_on() {
+            return Ok(());
+        }
         self.close();
         let rate = self.settings.rate;
         if !RATES.contains(&rate) {

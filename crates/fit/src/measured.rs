@@ -51,7 +51,8 @@ impl Measured {
     /// `force (N)`; other columns are ignored.
     ///
     /// # Errors
-    /// The file cannot be read, lacks such a line, or has a value that is no number.
+    /// The file cannot be read, lacks such a line or has two such columns, has a value that is no number, or times that go
+    /// back.
     pub fn read(file: &Path) -> Result<Measured> {
         let wrong = |line: Option<usize>, problem: String| Error::input(file, line, problem, REMEDY);
         let bytes = files::bytes(file, files::MOST_TEXT, REMEDY)?;
@@ -101,9 +102,9 @@ impl Measured {
                 })
             };
             let point = (factors[0] * number(x)?, factors[1] * number(force)?);
-            let is_back = points.last().is_some_and(|last: &(f64, f64)| point.0 <= last.0);
+            let is_back = points.last().is_some_and(|last: &(f64, f64)| point.0 < last.0);
             if over == Abscissa::Time && (point.0 < 0.0 || is_back) {
-                let problem = format!("time {} is below zero, or not after the one before", point.0);
+                let problem = format!("time {} is below zero, or before the one above", point.0);
                 return Err(Error::input(file, line, problem, "give times in ascending order, from 0 s on"));
             }
             points.push(point);

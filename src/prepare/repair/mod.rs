@@ -81,8 +81,8 @@ pub fn repair(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairRe
 }
 
 /// Accepts a mesh that [`repair`] would not change and that has no open edge, no edge of more than two triangles and no
-/// sheet (piece without volume); refuses any other mesh with its first defect. Intersecting triangles, inner pieces
-/// that enclose a cavity are allowed; unused vertices move as in [`repair`].
+/// sheet (piece without volume); refuses any other mesh with its first defect. Intersecting triangles and inner
+/// pieces that enclose a cavity are allowed; unused vertices move as in [`repair`].
 pub fn strict(mesh: TriangleMesh) -> std::result::Result<(TriangleMesh, RepairReport), Refusal> {
     let mut report = RepairReport::of(&mesh);
     let mesh = mend(mesh, &mut report).map_err(|refusal| report.dropped().unwrap_or(refusal))?;

@@ -125,7 +125,10 @@ impl RepairReport {
         if self.unused_vertices > 0 {
             said.push((
                 None,
-                format!("{} vertices that no triangle uses moved to a corner of the first", self.unused_vertices),
+                format!(
+                    "{} vertices that no triangle uses moved to a corner of the first triangle",
+                    self.unused_vertices
+                ),
             ));
         }
         let mut say = |found: Count, text: String| {

@@ -6,6 +6,7 @@
 //! half-written result; the next run with the same directory removes it. Two runs cannot write one directory at the same
 //! time, but on file systems without locks.
 
+use std::collections::HashSet;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -37,6 +38,9 @@ impl Output {
     /// Prepares to write into `directory`, which is made where it does not exist.
     pub fn create(directory: &Path) -> Result<Self> {
         let failed = |source| Error::Output { file: directory.into(), source };
+        if directory.file_name().is_some_and(|name| name == HIDDEN) {
+            return Err(failed(io::Error::new(ErrorKind::AlreadyExists, "its name is that of unfinished results")));
+        }
         if directory.is_symlink() && !directory.exists() {
             return Err(failed(io::Error::new(ErrorKind::NotFound, "it is a link to nothing")));
         }
@@ -54,6 +58,14 @@ impl Output {
             Ok((Unfinished { folder, lock: LOCK, made }, lock))
         })?;
         Ok(Output { directory: directory.into(), hidden, names: Vec::new(), replaced: Vec::new() })
+    }
+
+    /// Refuses early what [`Output::file`] would refuse later, for names that are known before the work begins.
+    pub fn reserve(&self, names: &[&str]) -> Result<()> {
+        names
+            .iter()
+            .map(|name| self.path(name))
+            .try_for_each(|file| unharmed(&file).map_err(|source| Error::Output { file, source }))
     }
 
     /// A new file that will be called `name`.
@@ -122,6 +134,7 @@ impl Output {
                     return Err(Error::Output { file: place.target.clone(), source });
                 }
             }
+            let names: HashSet<&String> = names.iter().collect();
             let older = fs::read_dir(&directory).into_iter().flatten().flatten();
             for entry in older.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file())) {
                 let name = entry.file_name().to_string_lossy().into_owned();
@@ -344,6 +357,7 @@ mod tests {
         fs::create_dir(&hidden).unwrap();
         fs::write(hidden.join("mine"), "").unwrap();
         assert!(refusal(root.path()).contains("that is not this program's"));
+        assert!(refusal(&hidden).contains("that of unfinished results"));
         assert_eq!(names(&hidden), ["mine"]);
         #[cfg(unix)]
         {

@@ -38,8 +38,8 @@ const KNOWN: [(&[c_int], &Profile, bool); 6] = [
 const FORCE: usize = 5;
 /// Length of the list that is handed out; versions up to 3.17 of the SDK write 17 numbers at most.
 const STATES: usize = 64;
-/// Number of samples from one look at the states to the next.
-const LOOK: u64 = 20;
+/// Time from one look at the states to the next.
+const LOOK: Duration = Duration::from_millis(20);
 /// Longest time between two samples: the SDK derives velocities from positions of the last 20 ms.
 const LONGEST_PERIOD: Duration = Duration::from_millis(2);
 /// Number of samples that fail one after the other before the device is closed and looked for again, and the pause
@@ -93,7 +93,8 @@ pub struct Dhd {
     functions: Functions,
     /// Number of the open device in the library; `None` while it is lost.
     id: Option<c_char>,
-    serial: c_ushort,
+    /// Its serial number, if the library tells one.
+    serial: Option<c_ushort>,
     found: Found,
 }
 
@@ -110,7 +111,7 @@ impl Library for Dhd {
         let wanted = settings.unit.as_ref().map(number).transpose()?;
         let functions = Functions::of(library::open(settings.library.as_deref(), &NAMES, INSTALL)?)?;
         let found = Found { name: String::new(), profile: FALCON, is_known: false };
-        let mut dhd = Dhd { functions, id: None, serial: 0, found };
+        let mut dhd = Dhd { functions, id: None, serial: None, found };
         dhd.connect(wanted)?;
         dhd.found = dhd.identity();
         Ok(dhd)
@@ -142,7 +143,7 @@ impl Dhd {
             let mut serial = 0;
             let is_read = unsafe { (f.get_serial_number)(&mut serial, id) } >= 0;
             if wanted.is_none_or(|wanted| is_read && wanted == serial) {
-                (self.id, self.serial) = (Some(id), serial);
+                (self.id, self.serial) = (Some(id), is_read.then_some(serial));
                 break;
             }
             unsafe { (f.close)(id) };
@@ -175,8 +176,9 @@ impl Dhd {
             None => Dhd::SMALLEST.clone(),
         };
         let senses_rotation = unsafe { (f.has_wrist)(id) };
+        let serial = self.serial.map_or("without a serial number".into(), |serial| format!("serial number {serial}"));
         Found {
-            name: format!("{name:?} (serial number {})", self.serial),
+            name: format!("{name:?} ({serial})"),
             profile: Profile { senses_rotation, ..profile },
             is_known: known.is_some(),
         }
@@ -212,7 +214,7 @@ impl Dhd {
 
     /// Opens the same device again.
     fn reconnect(&mut self) -> Result<(), Fault> {
-        self.connect(Some(self.serial))?;
+        self.connect(self.serial)?;
         let now = self.identity();
         if now == self.found {
             return Ok(());
@@ -224,11 +226,9 @@ impl Dhd {
     fn ticks(&mut self, desk: &mut Desk) -> Result<(), Fault> {
         let id = self.id()?;
         let period = desk.period.min(LONGEST_PERIOD);
-        let (mut due, mut failures, mut is_on) = (Instant::now(), 0, false);
-        for tick in 0_u64.. {
-            if desk.is_stopping() {
-                break;
-            }
+        let (mut due, mut looked) = (Instant::now(), Instant::now());
+        let (mut failures, mut is_on) = (0, false);
+        while !desk.is_stopping() {
             match self.sample(id) {
                 Ok((state, buttons)) if state.is_valid() => {
                     failures = 0;
@@ -249,17 +249,29 @@ impl Dhd {
                 self.well(unsafe { (self.functions.enable_force)(1, id) })?;
                 is_on = true;
             }
-            if is_on {
-                if tick % LOOK == LOOK - 1 && !self.has_force(id)? {
-                    let why = "its forces are off: press its force button, and mind its limit of speed";
-                    desk.report(Fault::Lost(why.into()));
+            if is_on && let Err(fault) = self.command(id, desk, &mut looked) {
+                failures += 1;
+                if failures >= MOST_FAILURES {
+                    return Err(fault);
                 }
-                self.play(id, desk.wrench())?;
+                desk.report(fault);
             }
             due = (due + period).max(Instant::now());
             thread::sleep(due.saturating_duration_since(Instant::now()));
         }
         Ok(())
+    }
+
+    /// Commands the newest wrench, and looks from time to time whether the device's forces are on.
+    fn command(&self, id: c_char, desk: &mut Desk, looked: &mut Instant) -> Result<(), Fault> {
+        if looked.elapsed() >= LOOK {
+            *looked = Instant::now();
+            if !self.has_force(id)? {
+                let why = "its forces are off: press its force button, and mind its limit of speed";
+                desk.report(Fault::Lost(why.into()));
+            }
+        }
+        self.play(id, desk.wrench())
     }
 
     /// Whether the device's forces are on; its button, too great a speed and a silence of the computer switch them off.

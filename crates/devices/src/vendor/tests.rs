@@ -12,6 +12,7 @@ use glam::{DMat3, DQuat};
 use palpate::scene::profile::{DELTA, FALCON, OMEGA, PREMIUM, SIGMA, TOUCH};
 
 use super::*;
+use crate::safety_check::{self, Guide};
 use places::*;
 
 /// Longest time that a test waits for a condition; each condition here holds sooner.
@@ -394,6 +395,48 @@ fn a_library_that_hangs_is_left() {
     stand_in.set(HANGS, &[3.0]);
     assert!(lost(Touch::new(stand_in.settings()).open()).contains("nothing can be scheduled"));
     assert_eq!((stand_in.get(CLOSED), stand_in.get(MISUSES)), (1.0, 0.0));
+}
+
+/// The check of a device passes over each driver, with a handle on a spring that is moved about at first.
+#[test]
+#[ignore = "takes 15 s"]
+fn a_device_with_its_driver_passes_the_check() {
+    fn run<L: Library>(stand_in: &StandIn, unit: f64) {
+        let mut device: Vendor<L> = opened(stand_in);
+        let stop = AtomicBool::new(false);
+        let begun = Instant::now();
+        let found = thread::scope(|scope| {
+            scope.spawn(|| {
+                while !stop.load(SeqCst) {
+                    // 3 mm a newton, reached with a time constant of 10 ms.
+                    let to_and_fro =
+                        0.01 * (2.0 * (begun.elapsed().as_secs_f64() - 0.5).clamp(0.0, std::f64::consts::PI)).sin();
+                    let goal = DVec3::splat(to_and_fro) + 3e-3 * stand_in.three(WRENCH);
+                    let place = stand_in.three(POSITION) / unit;
+                    stand_in.set(POSITION, &(unit * (place + 0.1 * (goal - place))).to_array());
+                    thread::sleep(Duration::from_millis(1));
+                }
+            });
+            let mut wait = |time: f64| {
+                thread::sleep(Duration::from_secs_f64(time).saturating_sub(begun.elapsed()));
+                begun.elapsed().as_secs_f64()
+            };
+            let ended = AtomicBool::new(false);
+            let mut say = |_: &str| {};
+            let mut guide = Guide { wait: &mut wait, say: &mut say, stop: &ended, has_watchdog: true };
+            let found = safety_check::check(&mut device, &mut guide);
+            stop.store(true, SeqCst);
+            found
+        });
+        let found = found.unwrap();
+        assert!(found.len() == 9 && found.iter().all(|finding| finding.is_well), "{found:#?}");
+        device.close();
+        assert_eq!(stand_in.get(MISUSES), 0.0);
+    }
+    thread::scope(|scope| {
+        scope.spawn(|| run::<Dhd>(&StandIn::new("dhd", 104.0), 1.0));
+        scope.spawn(|| run::<OpenHaptics>(&StandIn::new("hd", 0.0), 1e3));
+    });
 }
 
 /// A minute at 1 kHz with each device: every reading lies on the path that the device follows, and every force that it

@@ -46,9 +46,10 @@ const INKWELL: c_uint = 4;
 const DONE: c_uint = 0;
 const CONTINUE: c_uint = 1;
 const PRIORITY: c_ushort = c_ushort::MAX;
-/// The error of motors that are too warm, and how long they are left to cool.
+/// The error of motors that are too warm, and how long they are left to cool: shorter than the loss of a device that ends a
+/// session.
 const WARM_MOTORS: c_uint = 0x0200;
-const COOL_DOWN: Duration = Duration::from_secs(5);
+const COOL_DOWN: Duration = Duration::from_secs(2);
 /// Errors of the device itself; others tell of too large a force or speed, or of too warm a motor.
 const DEVICE_ERRORS: std::ops::Range<c_uint> = 0x0300..0x0400;
 /// Greatest number of errors that are taken from the library's list at a time.
@@ -154,18 +155,19 @@ impl Library for OpenHaptics {
 // SAFETY of all calls in this block: the functions are called as the library's reference says, for a device that is open;
 // pointers are to variables that outlive the call and have the length that the function reads or writes.
 impl OpenHaptics {
-    /// The newest of the errors that the library has noted, if any: its code and its text. The others are forgotten.
+    /// The newest of the errors that the library has noted, if any, or that of warm motors if it is among them: its code
+    /// and its text. The others are forgotten.
     fn error(&self) -> Option<(c_uint, String)> {
-        let mut newest = None;
+        let mut newest: Option<(c_uint, String)> = None;
         for _ in 0..MOST_ERRORS {
             let error = unsafe { (self.functions.get_error)() };
             if error.code == 0 {
                 break;
             }
-            newest = newest.or_else(|| {
+            if newest.is_none() || error.code == WARM_MOTORS {
                 let text = unsafe { library::text((self.functions.get_error_string)(error.code)) };
-                Some((error.code, format!("{text}, {:#06x}, internal {}", error.code, error.internal)))
-            });
+                newest = Some((error.code, format!("{text}, {:#06x}, internal {}", error.code, error.internal)));
+            }
         }
         newest
     }
@@ -225,14 +227,14 @@ impl OpenHaptics {
     /// One frame.
     fn frame(&self, work: &mut Work) {
         let (f, device, desk) = (&self.functions, self.device.load(Relaxed), &mut work.desk);
-        let mut sample = None;
+        let (mut sample, mut uncalibrated) = (None, None);
         unsafe { (f.begin_frame)(device) };
         if work.is_calibrated {
             sample = Some(self.sample());
         } else {
             match self.calibrate() {
                 Ok(()) => work.is_calibrated = true,
-                Err(fault) => desk.report(fault),
+                Err(fault) => uncalibrated = Some(fault),
             }
         }
         if sample.is_some_and(|(state, _)| !state.is_valid()) {
@@ -244,11 +246,16 @@ impl OpenHaptics {
             (f.end_frame)(device);
         }
         match self.error() {
+            error if uncalibrated.is_some() => {
+                let more = error.map(|(_, text)| format!(" ({text})")).unwrap_or_default();
+                let Some(Fault::Lost(why) | Fault::Garbled(why)) = uncalibrated else { return };
+                desk.report(Fault::Lost(why + &more));
+            }
             Some((code, text)) if DEVICE_ERRORS.contains(&code) => desk.report(Fault::Lost(text)),
             Some((WARM_MOTORS, text)) => {
                 desk.report_for(
                     COOL_DOWN,
-                    Fault::Lost(format!("its motors are warm, and play nothing for 5 s: {text}")),
+                    Fault::Lost(format!("its motors are warm, and play nothing for 2 s: {text}")),
                 );
             }
             Some((_, text)) => desk.report(Fault::Lost(format!("the library refuses the force: {text}"))),
