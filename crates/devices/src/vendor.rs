@@ -66,7 +66,7 @@ pub struct Settings {
     pub home: DVec3,
     /// Samples of the device a second, Hz: the rate of the haptic loop. The scheduler of OpenHaptics keeps its own.
     pub rate: f64,
-    /// A profile to be used, provided that it exceeds no limit of the device's own profile.
+    /// A profile whose limits count where they are lower than those of the device's own profile.
     pub profile: Option<&'static Profile>,
 }
 
@@ -90,7 +90,7 @@ struct Found {
 #[derive(Debug, Clone, Default)]
 struct Sample {
     state: Option<(Instant, RigidState, u32)>,
-    /// The last fault, until [`FAULT_LIFE`] after it the device is well again.
+    /// The last fault, until the device is well again.
     trouble: Option<Fault>,
 }
 
@@ -228,8 +228,8 @@ impl<L: Library> Vendor<L> {
 
     /// Whether the device that [`Vendor::identify`] has opened is well; its present place becomes home.
     fn goes_on(&mut self) -> bool {
-        let home = self.settings.home;
-        let Some(line) = self.line.as_mut().filter(|_| std::mem::take(&mut self.is_identified)) else { return false };
+        let (home, is_identified) = (self.settings.home, std::mem::take(&mut self.is_identified));
+        let Some(line) = self.line.as_mut().filter(|_| is_identified) else { return false };
         let sample = line.samples.read();
         let Some((at, state, _)) = sample.state.filter(|_| sample.trouble.is_none()) else { return false };
         line.offset = home - state.position;
