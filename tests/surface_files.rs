@@ -259,6 +259,17 @@ fn stl_with_other_line_ends() {
     assert!(said.contains("a.stl:3:"), "{said}");
 }
 
+/// A byte order mark before the first vertex of an OBJ is no part of it; what follows a PLY's last element is told.
+#[test]
+fn marks_before_and_data_after_the_mesh() {
+    let obj = b"\xef\xbb\xbfv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    assert_eq!(read_bytes("bom.obj", obj).unwrap().mesh.vertices.len(), 3);
+    let ply = fs::read(folder().join("trimesh-ascii.ply")).unwrap();
+    let longer = read_bytes("a.ply", &[&ply[..], b"3 0 1 2\n"].concat()).unwrap();
+    assert_eq!(longer.mesh, read_bytes("a.ply", &ply).unwrap().mesh);
+    assert_eq!(longer.notes, ["7 bytes after the last element were left out"]);
+}
+
 /// The head of a `.glb` file says where the file ends; the buffer's length, where its data end.
 #[test]
 fn glb_lengths() {

@@ -11,6 +11,7 @@ use glam::{DQuat, DVec3};
 
 use super::Key;
 use super::check::{self, KEY_REMEDY};
+use super::cursor::BYTE_ORDER_MARK;
 use super::keys::Value;
 use super::reference;
 use crate::{Error, Result, files};
@@ -64,7 +65,7 @@ fn key(numbers: &[f64], before: Option<&Key>) -> std::result::Result<Key, String
 fn read_csv(path: &Path) -> Result<Vec<Key>> {
     let bytes = files::bytes(path, files::MOST_TEXT, KEY_REMEDY)?;
     // Some programs begin UTF-8 files with a byte order mark.
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&bytes);
     let mut keys: Vec<Key> = Vec::new();
     let mut is_first = true;
     for (line, row) in bytes.split(|byte| *byte == b'\n').enumerate() {

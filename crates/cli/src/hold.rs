@@ -221,11 +221,6 @@ pub fn refuse_existing(path: &Path) -> Result<()> {
 }
 
 fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> Result<Recording> {
-    let same = |other: &Path| matches!((path.canonicalize(), other.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if same(&scene.file) || scene.haptics.recording.as_deref().is_some_and(same) {
-        let problem = "is a file that this run reads, and would be overwritten";
-        return Err(Error::input(path, None, problem, "record into another file"));
-    }
     let header = Header::new(scene, engine.simulation(), profile.name, scene.haptics.device.name())?;
     Recording::create(path, &header)
 }

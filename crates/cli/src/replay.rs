@@ -35,10 +35,6 @@ pub struct Arguments {
 
 /// Replays a recording, or writes its ticks as a table.
 pub fn replay(arguments: &Arguments) -> Result<()> {
-    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if let Some(out) = arguments.csv.as_deref().filter(|out| same(out, &arguments.file)) {
-        return Err(Error::input(out, None, "is the recording itself, and would be overwritten", "give another name"));
-    }
     let (recorded, bar) = open(&arguments.file)?;
     let result = match &arguments.csv {
         Some(out) => export(recorded, out),

@@ -94,6 +94,9 @@ fn a_session_is_replayed_to_the_same_bits_and_written_as_a_table() {
     let wrote = palpate(&["replay", file, "--csv", table.to_str().unwrap()]);
     assert_eq!(wrote, (0, format!("wrote {TICKS} ticks\n"), String::new()));
     assert_eq!(fs::read_to_string(&table).unwrap().lines().count(), 1 + TICKS as usize);
+    // A table does not replace the recording that it is read from.
+    let (status, _, said) = palpate(&["replay", file, "--csv", file]);
+    assert!(status == 2 && said.contains("this command reads it"), "{said}");
 
     // If the scene file has the same meaning but other bytes, the session is replayed and a note is printed.
     let elsewhere = folder.path().join("elsewhere.toml");

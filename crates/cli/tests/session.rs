@@ -254,6 +254,10 @@ fn what_cannot_be_held_is_refused() {
     refused(&["--haptics", "replay", "--profile", "touch"], "the profile of its recording: leave it out");
     refused(&["--haptics", "replay"], "`haptics.recording`");
     refused(&["--haptics", "scripted", "--seconds", "1", "--record", missing.to_str().unwrap()], "session.palpate");
+    let there = folder.path().join("there.palpate");
+    fs::write(&there, "an older session").unwrap();
+    refused(&["--haptics", "scripted", "--seconds", "1", "--record", there.to_str().unwrap()], "is there already");
+    assert_eq!(fs::read_to_string(&there).unwrap(), "an older session");
     let (status, _, stderr) = {
         let bare = folder.path().join("bare.toml");
         fs::write(&bare, &SCENE[..SCENE.find("[tool]").unwrap()]).unwrap();
