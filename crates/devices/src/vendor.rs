@@ -3,8 +3,7 @@
 //! there are none. Known by the makers' documentation only: nobody has met a real device with this code.
 //!
 //! The library is called by a thread of its own (ours, or the scheduler of the library), so that the haptic loop never
-//! waits for the device. Both share only the newest [`Sample`] and the newest [`Order`], through wait-free triple
-//! buffers.
+//! waits for the device. Both share only the newest sample and the newest order, through wait-free triple buffers.
 
 mod force_dimension;
 mod library;
