@@ -9,7 +9,6 @@ use std::ops::RangeInclusive;
 
 use glam::{DQuat, DVec3};
 
-use super::haptics::{NOT_HAPLYS, of_haply};
 use super::joint::closes_loop;
 use super::{
     Bind, Body, Contact, Core, Coupling, DeviceKind, Dilatation, Group, HAPTIC_RATES, Haptics, Hinge, Joint, Key,
@@ -368,9 +367,7 @@ impl Haptics {
             return Err(Problem::of("recording", "belongs to device = \"replay\"", "remove it or set `device`"));
         }
         self.check_unit().map_err(|(problem, remedy)| Problem::of("unit", problem, remedy))?;
-        if let (DeviceKind::Haply, Some(profile)) = (self.device, self.profile) {
-            of_haply(profile).map_err(|remedy| Problem::of("profile", NOT_HAPLYS, remedy))?;
-        }
+        self.check_profile().map_err(|(problem, remedy)| Problem::of("profile", problem, remedy))?;
         positive(self.trust).under("trust")?;
         positive(self.longest_step).under("longest_step")
     }

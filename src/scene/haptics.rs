@@ -56,8 +56,9 @@ pub struct Haptics {
     /// How to reach the service (a program made by Haply) that connects to a Haply device. The device's home position
     /// and rate are not among these settings; the haptic loop sets them.
     pub haply: HaplyService,
-    /// Which of several devices of a [`DeviceKind::Touch`] or [`DeviceKind::ForceDimension`]: its name in the maker's
-    /// configuration, or its serial number. `None`: the first that the maker's library finds.
+    /// Which of several devices of a [`DeviceKind::Touch`], [`DeviceKind::ForceDimension`] or [`DeviceKind::SpaceMouse`]:
+    /// its name in the maker's configuration, its serial number, or its name or path in the system. `None`: the first
+    /// that is found.
     pub unit: Option<String>,
     /// File with the recording of an earlier run of the haptic loop, which is replayed, for device = "replay".
     pub recording: Option<PathBuf>,
@@ -122,17 +123,20 @@ pub enum DeviceKind {
     Touch,
     /// A device made by Force Dimension, through its SDK: an omega, delta, sigma or lambda, or a Novint Falcon.
     ForceDimension,
+    /// A SpaceMouse of 3Dconnexion, or another multi-axis controller: it plays no force.
+    SpaceMouse,
 }
 
 impl DeviceKind {
     /// Every kind, with its name in a scene file.
-    pub const CHOICES: [(&'static str, DeviceKind); 6] = [
+    pub const CHOICES: [(&'static str, DeviceKind); 7] = [
         ("scripted", DeviceKind::Scripted),
         ("hand", DeviceKind::Hand),
         ("replay", DeviceKind::Replay),
         ("haply", DeviceKind::Haply),
         ("touch", DeviceKind::Touch),
         ("force-dimension", DeviceKind::ForceDimension),
+        ("space-mouse", DeviceKind::SpaceMouse),
     ];
 
     /// Name of the kind in a scene file.
@@ -140,11 +144,27 @@ impl DeviceKind {
         DeviceKind::CHOICES.iter().find(|(_, kind)| *kind == self).map_or("", |(name, _)| name)
     }
 
+    /// Checks that a scene may name a profile for this kind of device. That of a Haply must be a Haply's, and can only
+    /// lower the device's own limits; a SpaceMouse has none.
+    ///
+    /// # Errors
+    /// Problem and remedy, if the profile does not go with the kind.
+    pub fn check_profile(self, profile: &Profile) -> std::result::Result<(), (&'static str, String)> {
+        match self {
+            DeviceKind::Haply if !profile.is_haplys() => {
+                let names = HAPLY.each_ref().map(|profile| profile.name).join(" or ");
+                Err(("is not that of a Haply", format!("remove it, or give {names}")))
+            }
+            DeviceKind::SpaceMouse => Err(("does not apply to a SpaceMouse, which plays no force", "remove it".into())),
+            _ => Ok(()),
+        }
+    }
+
     /// Whether the device is real, so that a person holds it.
     pub fn is_real(self) -> bool {
         match self {
             DeviceKind::Scripted | DeviceKind::Hand | DeviceKind::Replay => false,
-            DeviceKind::Haply | DeviceKind::Touch | DeviceKind::ForceDimension => true,
+            DeviceKind::Haply | DeviceKind::Touch | DeviceKind::ForceDimension | DeviceKind::SpaceMouse => true,
         }
     }
 }
@@ -206,19 +226,23 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     };
     needs("hand", table.has("hand"), DeviceKind::Hand)?;
     needs("haply", table.has("haply"), DeviceKind::Haply)?;
-    if haptics.unit.is_some() && !matches!(haptics.device, DeviceKind::Touch | DeviceKind::ForceDimension) {
-        let problem = "belongs to device = \"touch\" or \"force-dimension\"";
+    let has_units = matches!(haptics.device, DeviceKind::Touch | DeviceKind::ForceDimension | DeviceKind::SpaceMouse);
+    if haptics.unit.is_some() && !has_units {
+        let problem = "belongs to device = \"touch\", \"force-dimension\" or \"space-mouse\"";
         return Err(table.error("unit", problem, "remove it or set `device`"));
     }
     haptics.check_unit().map_err(|(problem, remedy)| table.error("unit", problem, remedy))?;
     needs("recording", haptics.recording.is_some(), DeviceKind::Replay)?;
-    if let (DeviceKind::Haply, Some(profile)) = (haptics.device, haptics.profile) {
-        of_haply(profile).map_err(|remedy| table.error("profile", NOT_HAPLYS, remedy))?;
-    }
+    haptics.check_profile().map_err(|(problem, remedy)| table.error("profile", problem, remedy))?;
     Ok(haptics)
 }
 
 impl Haptics {
+    /// Problem and remedy, if `profile` does not go with the kind of device.
+    pub(super) fn check_profile(&self) -> std::result::Result<(), (&'static str, String)> {
+        self.profile.map_or(Ok(()), |profile| self.device.check_profile(profile))
+    }
+
     /// Problem and remedy, if `unit` does not go with the kind of device.
     pub(super) fn check_unit(&self) -> std::result::Result<(), (&'static str, &'static str)> {
         let Some(unit) = &self.unit else { return Ok(()) };
@@ -233,19 +257,6 @@ impl Haptics {
             _ => Ok(()),
         }
     }
-}
-
-/// What error messages say about a profile that [`of_haply`] refuses.
-pub const NOT_HAPLYS: &str = "is not that of a Haply";
-
-/// Checks that a scene may name a profile for a Haply device: the profile must be that of a Haply device. It can only
-/// lower the device's own limits.
-///
-/// # Errors
-/// The remedy, if the profile is not that of a Haply device.
-pub fn of_haply(profile: &Profile) -> std::result::Result<(), String> {
-    let names = || HAPLY.each_ref().map(|profile| profile.name).join(" or ");
-    if profile.is_haplys() { Ok(()) } else { Err(format!("remove it, or give {}", names())) }
 }
 
 /// Reads `hand = { mass = 0.15, .. }`.

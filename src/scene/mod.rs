@@ -77,11 +77,11 @@ pub use build::SceneBuilder;
 pub use check::unit_quaternion;
 #[doc(hidden)]
 pub use hand::HandParameters;
+#[doc(hidden)]
+pub use haptics::RATES as HAPTIC_RATES;
 pub use haptics::{DeviceKind, Haptics, Lowered};
 #[doc(hidden)]
 pub use haptics::{Dialect, HaplyService};
-#[doc(hidden)]
-pub use haptics::{NOT_HAPLYS, RATES as HAPTIC_RATES, of_haply};
 pub use joint::{Joint, Resistance};
 pub use loads::Load;
 #[doc(hidden)]

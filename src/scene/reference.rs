@@ -634,11 +634,11 @@ pub const HAPTICS: TableKeys = TableKeys {
     keys: &[
         key(
             "device",
-            "`\"scripted\"`, `\"hand\"`, `\"replay\"`, `\"haply\"`, `\"touch\"` or `\"force-dimension\"`",
+            "`\"scripted\"`, `\"hand\"`, `\"replay\"`, `\"haply\"`, `\"touch\"`, `\"force-dimension\"` or `\"space-mouse\"`",
             "\"scripted\"",
             "What holds the tool: the keys of `[drive]`, a simulated human who means to follow them, a recording, or \
-             a device of Haply, 3D Systems (OpenHaptics) or Force Dimension. All but `scripted` start a session \
-             without `--haptics`.",
+             a device of Haply, 3D Systems (OpenHaptics) or Force Dimension, or a SpaceMouse, which plays no force. \
+             All but `scripted` start a session without `--haptics`.",
         ),
         key(
             "profile",
@@ -706,8 +706,8 @@ pub const HAPTICS: TableKeys = TableKeys {
             "unit",
             "text",
             "(the first device)",
-            "Which of several devices: its name in the maker's configuration (`touch`), or its serial number \
-             (`force-dimension`).",
+            "Which of several devices: its name in the maker's configuration (`touch`), its serial number \
+             (`force-dimension`), or its name or path in the system (`space-mouse`).",
         ),
         key("recording", "`\"FILE\"`", "(none)", "The recorded session, for `device = \"replay\"`."),
     ],

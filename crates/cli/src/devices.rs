@@ -7,12 +7,12 @@ use clap::ValueEnum;
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::Device;
 use palpate::internal::step::trajectory::Trajectory;
-use palpate::scene::profile::PREMIUM;
-use palpate::scene::{HandParameters, HaplyService, Key, Profile};
+use palpate::scene::profile::{MOUSE, PREMIUM};
+use palpate::scene::{DeviceKind, HandParameters, HaplyService, Key, Profile};
 use palpate::{Error, Result};
 use palpate_devices::resolution::Resolution;
 use palpate_devices::safety_check::{self, Finding, Guide};
-use palpate_devices::{ForceDimension, Hand, Haply, Touch, haply, vendor};
+use palpate_devices::{ForceDimension, Hand, Haply, SpaceMouse, Touch, haply, vendor};
 
 use crate::signals::Stop;
 use crate::{engine, print, tell};
@@ -102,18 +102,25 @@ fn calibrate(mut device: Box<dyn Device>) -> Result<()> {
     ))
 }
 
-/// Opens each kind of haptic device without force, and prints what was found.
+/// Opens each kind of haptic device, and prints what was found. None plays a force.
 fn list_haptic(arguments: &Arguments) -> Result<()> {
     let mut is_any_there = false;
+    let mut devices: Vec<(String, Box<dyn Device>)> = Vec::new();
     for kind in [Kind::Haply, Kind::Touch, Kind::ForceDimension] {
         let name = kind.to_possible_value().map_or_else(String::new, |value| value.get_name().into());
-        let mut device = haptic_device(kind, arguments)?;
+        devices.push((name, haptic_device(kind, arguments)?));
+    }
+    let space_mouse = SpaceMouse::new(None, DVec3::ZERO, DQuat::IDENTITY);
+    devices.push((DeviceKind::SpaceMouse.name().into(), Box::new(space_mouse)));
+    for (name, mut device) in devices {
         let found = match device.open() {
             Ok(()) => {
                 is_any_there = true;
-                let Profile { name, max_force, workspace, .. } = device.profile().clone();
-                let notes: String = device.notes().iter().map(|note| format!("; {note}")).collect();
-                format!("profile {name}: at most {max_force} N, {:.0} mm from its place{notes}", 1e3 * workspace)
+                let Profile { name, max_force, workspace, .. } = device.profile();
+                let limits = format!("profile {name}: at most {max_force} N, {:.0} mm from its place", 1e3 * workspace);
+                // What plays no force has no limits either.
+                let limits = (*name != MOUSE.name).then_some(limits);
+                limits.into_iter().chain(device.notes()).collect::<Vec<_>>().join("; ")
             }
             Err(fault) => fault.to_string(),
         };

@@ -12,10 +12,10 @@ use palpate::internal::haptics::{Device, Fault};
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
-use palpate::scene::{DeviceKind, Key, NOT_HAPLYS, Profile};
+use palpate::scene::{DeviceKind, Key, Profile};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
 use palpate_devices::record::{Header, Outcome, Recording};
-use palpate_devices::{ForceDimension, Hand, Haply, Replay, Scripted, Touch, haply, vendor};
+use palpate_devices::{ForceDimension, Hand, Haply, Replay, Scripted, SpaceMouse, Touch, haply, vendor};
 use palpate_page::Reduced;
 
 use crate::engine::Engine;
@@ -47,14 +47,11 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
             "give --haptics DEVICE as well, or leave it out",
         );
     }
-    match scene.haptics.device {
-        DeviceKind::Replay => {
-            return wrong("does not apply to a replay, which has the profile of its recording", "leave it out");
-        }
-        DeviceKind::Haply => palpate::scene::of_haply(profile).or_else(|remedy| wrong(NOT_HAPLYS, &remedy))?,
-        // The driver itself takes the lower of each limit.
-        DeviceKind::Scripted | DeviceKind::Hand | DeviceKind::Touch | DeviceKind::ForceDimension => {}
+    if scene.haptics.device == DeviceKind::Replay {
+        return wrong("does not apply to a replay, which has the profile of its recording", "leave it out");
     }
+    // The drivers of Touch and Force Dimension themselves take the lower of each limit.
+    scene.haptics.device.check_profile(profile).or_else(|(problem, remedy)| wrong(problem, &remedy))?;
     scene.haptics.profile = Some(profile);
     Ok(())
 }
@@ -96,6 +93,7 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
             device.identify().map_err(no_device)?;
             Box::new(device)
         }
+        DeviceKind::SpaceMouse => Box::new(SpaceMouse::new(haptics.unit.clone(), start.position, start.orientation)),
     })
 }
 

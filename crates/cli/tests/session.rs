@@ -339,7 +339,8 @@ fn a_device_is_driven_through_the_library_of_its_maker() {
     };
     let (status, found) = list(folder.path());
     let lines: Vec<&str> = found.lines().collect();
-    assert!(status == Some(0) && lines.len() == 3, "status {status:?}: {found}");
+    assert!(status == Some(0) && lines.len() == 4, "status {status:?}: {found}");
+    assert!(lines[3].starts_with("space-mouse "), "{found}");
     assert!(lines[1].starts_with("touch            profile touch") && lines[2].contains("profile sigma.7"), "{found}");
     let (status, found) = list(Path::new("/nowhere"));
     assert!(status == Some(3) && found.contains("install OpenHaptics"), "status {status:?}: {found}");

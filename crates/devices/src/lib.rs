@@ -15,6 +15,7 @@ mod replayed;
 pub mod resolution;
 pub mod safety_check;
 pub mod scripted;
+pub mod space_mouse;
 #[cfg(test)]
 mod steady;
 #[allow(unsafe_code)]
@@ -26,4 +27,5 @@ pub use haply::Haply;
 pub use mouse::Mouse;
 pub use replayed::Replay;
 pub use scripted::Scripted;
+pub use space_mouse::SpaceMouse;
 pub use vendor::{ForceDimension, Touch};

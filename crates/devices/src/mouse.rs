@@ -23,7 +23,7 @@ const FASTEST_TURN: f64 = 10.0;
 const TICK: f64 = 1e-3;
 /// Longest time that one reading integrates over, s, so that a reading needs bounded computing time whatever the clock
 /// does.
-const CATCH_UP: f64 = 0.25;
+pub(crate) const CATCH_UP: f64 = 0.25;
 /// Number of attempts of a reading to copy the goal while another thread changes the goal; if all of them fail, the
 /// reading uses the goal that was copied last.
 const LOOKS: u32 = 4;
