@@ -232,11 +232,15 @@ mod tests {
 
     use super::*;
 
-    /// A device whose reports a test sends. When the sender is dropped it is unplugged; another receiver is the device
-    /// plugged in again.
-    fn plugged(receivers: Vec<Receiver<Vec<u8>>>) -> SpaceMouse {
-        let left = Mutex::new(receivers.into_iter());
+    /// A device whose reports a test sends, and whether it can be opened. When the sender is dropped it is unplugged;
+    /// another receiver is the device plugged in again.
+    fn plugged(receivers: Vec<Receiver<Vec<u8>>>) -> (SpaceMouse, Arc<AtomicBool>) {
+        let (left, is_there) = (Mutex::new(receivers.into_iter()), Arc::new(AtomicBool::new(true)));
+        let can_open = is_there.clone();
         let opens = move || {
+            if !can_open.load(Relaxed) {
+                return Err("nothing is plugged in".to_string());
+            }
             let next = left.lock().unwrap().next().ok_or("nothing is plugged in")?;
             let reports: Reports = Box::new(move |wait| match next.recv_timeout(wait) {
                 Ok(report) => Ok(report),
@@ -245,7 +249,7 @@ mod tests {
             });
             Ok(("Test".into(), reports))
         };
-        SpaceMouse::with(Arc::new(opens), DVec3::new(0.3, 0.2, 0.1), DQuat::IDENTITY)
+        (SpaceMouse::with(Arc::new(opens), DVec3::new(0.3, 0.2, 0.1), DQuat::IDENTITY), is_there)
     }
 
     /// A report of a kind with 16-bit numbers.
@@ -279,7 +283,7 @@ mod tests {
     #[test]
     fn the_cap_moves_the_tool_along_the_axes_of_the_world() {
         let (sender, receiver) = channel();
-        let mut device = plugged(vec![receiver]);
+        let (mut device, _) = plugged(vec![receiver]);
         device.open().unwrap();
         let directions = [DVec3::X, DVec3::Z, -DVec3::Y];
         for (k, direction) in directions.into_iter().enumerate() {
@@ -314,7 +318,7 @@ mod tests {
     #[test]
     fn small_pushes_move_finely_and_what_is_no_report_moves_nothing() {
         let (sender, receiver) = channel();
-        let mut device = plugged(vec![receiver]);
+        let (mut device, _) = plugged(vec![receiver]);
         device.open().unwrap();
         sent(&device, &sender, &[report(1, &[14, -14, 10])], 1);
         device.read(0.0).unwrap();
@@ -334,15 +338,18 @@ mod tests {
     fn a_device_that_is_pulled_out_stops_and_goes_on_from_there_when_it_is_back() {
         let (sender, receiver) = channel();
         let (again, other) = channel();
-        let mut device = plugged(vec![receiver, other]);
+        let (mut device, is_there) = plugged(vec![receiver, other]);
         device.open().unwrap();
         sent(&device, &sender, &[report(1, &[350, 0, 0])], 1);
         moved(&mut device, 0.0);
-        // The second device is held back until the first was seen to be lost.
-        let lost = device.cap.clone();
+        let cap = device.cap.clone();
+        is_there.store(false, Relaxed);
         drop(sender);
-        until("it is lost, or back", || lost.axes[0].load(Relaxed) == 0);
-        until("it is back", || !lost.is_lost.load(Relaxed));
+        until("it is lost", || cap.is_lost.load(Relaxed));
+        let fault = device.read(1.1).unwrap_err().to_string();
+        assert!(fault.contains("pulled out") || fault.contains("nothing is plugged in"), "{fault}");
+        is_there.store(true, Relaxed);
+        until("it is back", || !cap.is_lost.load(Relaxed));
         let [way, _] = moved(&mut device, 2.0);
         let [rest, _] = moved(&mut device, 3.0);
         assert!(way.length() < 6e-3 && rest.length() < 1e-9, "{way} m, then {rest} m with a cap that nobody pushes");
@@ -350,10 +357,6 @@ mod tests {
         moved(&mut device, 4.0);
         let [way, _] = moved(&mut device, 5.0);
         assert!((way - 0.1 * DVec3::Z).length() < 1e-3, "{way} m with the device that is back");
-        drop(again);
-        until("it is lost", || lost.is_lost.load(Relaxed));
-        let fault = device.read(7.0).unwrap_err().to_string();
-        assert!(fault.contains("pulled out") || fault.contains("nothing is plugged in"), "{fault}");
     }
 
     #[test]
@@ -363,7 +366,7 @@ mod tests {
         let told = ["called no such device is plugged in", "cannot be listed", "on Linux alone"];
         let is_told = told.iter().any(|told| fault.contains(told));
         assert!(is_told && !fault.contains('\n'), "{fault}");
-        let mut empty = plugged(vec![]);
+        let (mut empty, _) = plugged(vec![]);
         assert_eq!(empty.open(), Err(Fault::Lost("nothing is plugged in".into())));
         empty.close();
     }
