@@ -93,7 +93,13 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
             device.identify().map_err(no_device)?;
             Box::new(device)
         }
-        DeviceKind::SpaceMouse => Box::new(SpaceMouse::new(haptics.unit.clone(), start.position, start.orientation)),
+        DeviceKind::SpaceMouse => {
+            if let Some(profile) = haptics.profile {
+                let name = profile.name;
+                tell(&format!("the scene's profile {name} does not apply to a SpaceMouse, which plays no force"));
+            }
+            Box::new(SpaceMouse::new(haptics.unit.clone(), start.position, start.orientation))
+        }
     })
 }
 
