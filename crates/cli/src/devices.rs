@@ -119,7 +119,7 @@ fn list_haptic(arguments: &Arguments) -> Result<()> {
                 let Profile { name, max_force, workspace, .. } = device.profile();
                 let limits = format!("profile {name}: at most {max_force} N, {:.0} mm from its place", 1e3 * workspace);
                 // What plays no force has no limits either.
-                let limits = (*name != MOUSE.name).then_some(limits);
+                let limits = (device.profile() != &MOUSE).then_some(limits);
                 limits.into_iter().chain(device.notes()).collect::<Vec<_>>().join("; ")
             }
             Err(fault) => fault.to_string(),

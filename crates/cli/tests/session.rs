@@ -346,6 +346,18 @@ fn a_device_is_driven_through_the_library_of_its_maker() {
     assert!(status == Some(3) && found.contains("install OpenHaptics"), "status {status:?}: {found}");
 }
 
+/// A scene of another device is held by a SpaceMouse: its profile is said to be left out, and a unit that is not there is
+/// named.
+#[test]
+fn a_space_mouse_that_is_absent_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let keys = "[haptics]\ndevice = \"force-dimension\"\nunit = \"12345\"\nprofile = \"sigma.7\"\n";
+    let file = scene(folder.path(), keys);
+    let (status, _, said) = palpate(&["run", "--haptics", "space-mouse", file.to_str().unwrap()]);
+    assert!(status == 3 && said.contains("profile sigma.7 does not apply to a SpaceMouse"), "status {status}: {said}");
+    assert!(said.contains("controller called 12345 is plugged in") || said.contains("on Linux alone"), "{said}");
+}
+
 /// The check of a device, rehearsed with the simulated hand.
 #[test]
 #[ignore = "takes 15 s"]

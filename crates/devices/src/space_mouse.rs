@@ -48,7 +48,6 @@ struct Cap {
     buttons: AtomicU32,
     /// Why the device is lost, while it is.
     lost: Mutex<Option<String>>,
-    is_lost: AtomicBool,
     ends: AtomicBool,
 }
 
@@ -87,7 +86,6 @@ impl Cap {
     fn lose(&self, why: Option<String>) {
         self.axes.iter().for_each(|axis| axis.store(0, Relaxed));
         self.buttons.store(0, Relaxed);
-        self.is_lost.store(why.is_some(), Relaxed);
         *self.lost.lock().unwrap_or_else(PoisonError::into_inner) = why;
     }
 }
@@ -199,10 +197,9 @@ impl Device for SpaceMouse {
         }
         self.time = if time.is_finite() { time } else { self.time };
         let reading = self.follower.read(time)?;
-        if self.cap.is_lost.load(Relaxed) {
-            // Only the thread takes this lock too, for a moment.
-            let why = self.cap.lost.try_lock().ok().and_then(|why| why.clone());
-            return Err(Fault::Lost(why.unwrap_or_else(|| "it was unplugged".into())));
+        // While the thread writes what is read here, nothing pushes the cap, and the next reading tells.
+        if let Some(why) = self.cap.lost.try_lock().ok().and_then(|why| why.clone()) {
+            return Err(Fault::Lost(why));
         }
         Ok(Reading { buttons: self.cap.buttons.load(Relaxed), ..reading })
     }
@@ -343,13 +340,14 @@ mod tests {
         sent(&device, &sender, &[report(1, &[350, 0, 0])], 1);
         moved(&mut device, 0.0);
         let cap = device.cap.clone();
+        let is_lost = || cap.lost.lock().unwrap().is_some();
         is_there.store(false, Relaxed);
         drop(sender);
-        until("it is lost", || cap.is_lost.load(Relaxed));
+        until("it is lost", is_lost);
         let fault = device.read(1.1).unwrap_err().to_string();
         assert!(fault.contains("pulled out") || fault.contains("nothing is plugged in"), "{fault}");
         is_there.store(true, Relaxed);
-        until("it is back", || !cap.is_lost.load(Relaxed));
+        until("it is back", || !is_lost());
         let [way, _] = moved(&mut device, 2.0);
         let [rest, _] = moved(&mut device, 3.0);
         assert!(way.length() < 6e-3 && rest.length() < 1e-9, "{way} m, then {rest} m with a cap that nobody pushes");
