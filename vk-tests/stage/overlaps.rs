@@ -330,8 +330,8 @@ fn net_force_and_torque_are_those_of_the_exact_overlap() {
 }
 
 #[test]
-#[ignore = "long: 270 s, more poses of the test above"]
-fn net_force_and_torque_are_those_of_the_exact_overlap_in_a_hundred_poses() {
+#[ignore = "lasting: 270 s, more poses of the test above"]
+fn lasting_net_force_and_torque_are_those_of_the_exact_overlap_in_a_hundred_poses() {
     compare_net(100);
 }
 

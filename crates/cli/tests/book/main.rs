@@ -21,6 +21,8 @@ use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
+use std::thread;
 use std::time::Instant;
 
 use display::Display;
@@ -33,7 +35,7 @@ const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-test
 /// which the pages call `my-organ.obj` (coordinates in metres) and `my-organ.stl` (in millimetres).
 const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
 /// Seconds after which a block is ended.
-const PATIENCE: &str = "600";
+const PATIENCE: &str = "1200";
 /// Words that the message about a missing haptic device contains.
 const NO_DEVICE: &str = "the haptic device is lost";
 
@@ -249,12 +251,21 @@ fn run(page: &Page, display: &Display, cache: &Path) -> Result<(), String> {
 fn every_command_of_readme_and_book_succeeds() {
     let (display, cache) = (Display::start(), tempfile::tempdir().unwrap());
     let only = std::env::var("PALPATE_PAGE").unwrap_or_default();
-    let mut failures = Vec::new();
-    for page in pages().iter().filter(|page| page.name.contains(&only)) {
-        let begun = Instant::now();
-        failures.extend(run(page, &display, cache.path()).err());
-        println!("{:5.1} s for the page {}", begun.elapsed().as_secs_f64(), page.name);
-    }
+    let waiting = Mutex::new(pages().into_iter().filter(|page| page.name.contains(&only)));
+    let failures = Mutex::new(Vec::new());
+    // A page at a time on each core.
+    let read_some = || {
+        while let Some(page) = { waiting.lock().unwrap().next() } {
+            let begun = Instant::now();
+            let failure = run(&page, &display, cache.path()).err();
+            println!("{:5.1} s for the page {}", begun.elapsed().as_secs_f64(), page.name);
+            failures.lock().unwrap().extend(failure);
+        }
+    };
+    thread::scope(|scope| {
+        (0..thread::available_parallelism().unwrap().get()).for_each(|_| drop(scope.spawn(read_some)))
+    });
+    let failures = failures.into_inner().unwrap();
     assert!(failures.is_empty(), "{}", failures.join("\n\n"));
 }
 
