@@ -35,7 +35,7 @@ const SEEN: [&str; 8] = ["assets", "examples", "docs", "crates", "src", "vk-test
 /// which the pages call `my-organ.obj` (coordinates in metres) and `my-organ.stl` (in millimetres).
 const ORGAN: (u32, u32, f64) = (40, 50, 0.025);
 /// Seconds after which a block is ended.
-const PATIENCE: &str = "1200";
+const PATIENCE: &str = "600";
 /// Words that the message about a missing haptic device contains.
 const NO_DEVICE: &str = "the haptic device is lost";
 
@@ -253,9 +253,9 @@ fn every_command_of_readme_and_book_succeeds() {
     let only = std::env::var("PALPATE_PAGE").unwrap_or_default();
     let waiting = Mutex::new(pages().into_iter().filter(|page| page.name.contains(&only)));
     let failures = Mutex::new(Vec::new());
-    // A page at a time on each core.
-    let read_some = || {
-        while let Some(page) = { waiting.lock().unwrap().next() } {
+    let next = || waiting.lock().unwrap().next();
+    let run_some = || {
+        while let Some(page) = next() {
             let begun = Instant::now();
             let failure = run(&page, &display, cache.path()).err();
             println!("{:5.1} s for the page {}", begun.elapsed().as_secs_f64(), page.name);
@@ -263,7 +263,9 @@ fn every_command_of_readme_and_book_succeeds() {
         }
     };
     thread::scope(|scope| {
-        (0..thread::available_parallelism().unwrap().get()).for_each(|_| drop(scope.spawn(read_some)))
+        for _ in 0..thread::available_parallelism().unwrap().get() {
+            scope.spawn(run_some);
+        }
     });
     let failures = failures.into_inner().unwrap();
     assert!(failures.is_empty(), "{}", failures.join("\n\n"));
