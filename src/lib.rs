@@ -55,9 +55,9 @@ pub use error::{Error, Result};
 pub use gpu::{Arrays, Context, Options, Threads};
 pub use query::{Answer, Query, QueryContact};
 pub use scene::{Scene, SceneBuilder};
-pub use step::{
-    ContactPoint, Explanation, Flags, Pose, RigidState, Simulation, StepReport, StepWork, ToolReport, Wrench,
-};
+#[doc(hidden)]
+pub use step::RigidState;
+pub use step::{ContactPoint, Explanation, Flags, Pose, Simulation, StepReport, StepWork, ToolReport, Wrench};
 
 /// All modules, for the other crates of this workspace and for tests. Nothing in here is part of the stable interface.
 #[doc(hidden)]

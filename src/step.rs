@@ -1,7 +1,7 @@
 //! The step of a simulation: its input is the pose of the haptic device, its output the contact wrench on the tool (the
-//! rigid body that the device leads). A virtual coupling, a spring and damper, connects the tool to the device. The
-//! order of the stages is in `algorithm.rs`; this file has what a user of a [`Simulation`] sees. Outside a haptic loop
-//! the device follows the scene's keys (poses at given times) or poses that the caller gives. A haptic loop runs in
+//! rigid body that the device leads); a scene may have several of both. A virtual coupling, a spring and damper, connects
+//! the tool to the device. The order of the stages is in `algorithm.rs`; this file has what a user of a [`Simulation`]
+//! sees. Outside a haptic loop the device follows the scene's keys (poses at given times) or poses that the caller gives. A haptic loop runs in
 //! another thread and moves the tool a thousand times a second, while steps follow one another as fast as they are
 //! computed. A core is a rigid body inside a soft one, to which nodes are attached; a skin is the surface mesh of a
 //! body.
@@ -36,7 +36,6 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use crate::Result;
 use crate::gpu::Context;
 use crate::plan::Plan;
 use crate::prepare::{Body, BodyReport, Shape};
@@ -46,6 +45,7 @@ use crate::stages::depth::Path;
 use crate::stages::joints::Joint;
 use crate::stages::model::{self, Model};
 pub use crate::stages::{Explanation, Flags};
+use crate::{Error, Result};
 use algorithm::Recordings;
 pub use contact_wrench::{ContactWrench, FARTHER, Gap};
 pub use contacts::{ContactPoint, VertexForce};
@@ -57,6 +57,7 @@ pub use rigid::{RigidState, Wrench};
 pub use shown::{ContactPatchRectangle, Cut, Field, FieldValues, Mesh, Overlay, Part, Skins, TetrahedronFields};
 use stage_set::Stages;
 use tool::Tool;
+use tools::HeldTool;
 use trajectory::Trajectory;
 
 /// How often in succession a failed step may be halved; the shortest attempts are eighths of the step.
@@ -92,7 +93,9 @@ pub struct Simulation {
     /// The sets of recordings (command buffers of a step) with timestamps, which timed steps use in turn: see
     /// [`Timing`].
     timed: Vec<Recordings>,
+    /// The tool; of several the first.
     tool: Option<Tool>,
+    further_tools: Vec<HeldTool>,
     frames: Frames,
     trajectory: Trajectory,
     /// What keeps a rigid tool from passing through bodies.
@@ -139,7 +142,8 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Simulates one step of the scene's `dt`. The haptic device follows the scene's keys. [`Simulation::step_at`] and
+    /// Simulates one step of the scene's `dt`. The haptic device follows the scene's keys. [`Simulation::step_at`],
+    /// [`Simulation::step_at_poses`] and
     /// [`Simulation::step_device_input`] replace the keys for good; after such a call the device stays at the pose that
     /// the call gave it.
     pub fn step(&mut self) -> Result<StepReport> {
@@ -164,7 +168,7 @@ impl Simulation {
         if let Some(tool) = &mut self.tool {
             tool.coupling = input.coupling;
         }
-        if let (Some(tool), None) = (&mut self.tool, self.model.tool_core) {
+        if let (Some(tool), None) = (&mut self.tool, self.model.tool_core()) {
             let RigidState { position, orientation, velocity, angular_velocity } = input.tool;
             // The touched body is as the last step left it. Contact is found at the beginning of a step, so with the
             // tool further out than in the last step this step would find no contact, and the tool would move into the
@@ -201,6 +205,29 @@ impl Simulation {
         self.step_to(end, h)
     }
 
+    /// Simulates a step of the scene's `dt` that ends with each haptic device in one of these poses, one for each tool in
+    /// the scene's order; the devices move there uniformly from their last poses.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the number of poses is not that of the tools.
+    pub fn step_at_poses(&mut self, poses: &[Pose]) -> Result<StepReport> {
+        let tools = usize::from(self.tool.is_some()) + self.further_tools.len();
+        let first = match poses.first() {
+            _ if tools == 0 => return Err(Error::Usage("the scene has no tool; add a [tool]".into())),
+            Some(first) if poses.len() == tools => *first,
+            _ => {
+                let problem = format!("{} poses are given for {tools} tools", poses.len());
+                return Err(Error::Usage(format!("{problem}; give one pose for each tool of the scene")));
+            }
+        };
+        let h = self.scene.step.dt;
+        let end = self.next_end(h);
+        for (tool, pose) in self.further_tools.iter_mut().zip(&poses[1..]) {
+            tool.trajectory.lead(end - h, Key { time: end, position: pose.position, orientation: pose.orientation });
+        }
+        self.step_at(first)
+    }
+
     fn step_to(&mut self, time: f64, h: f64) -> Result<StepReport> {
         let begun = Instant::now();
         self.step += 1;
@@ -215,7 +242,7 @@ impl Simulation {
         let friction = self.scene.contact.friction;
         self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report, friction));
         self.add_gap(&report)?;
-        Ok(self.row(&report, time, &device, probes, begun))
+        Ok(self.row(&report, (time, h), &device, probes, begun))
     }
 
     /// The scene that is simulated, with the changes made since it was opened.
@@ -415,7 +442,8 @@ impl Simulation {
         !self.has_weight
     }
 
-    fn write_inputs(&self, h: f64, device: &RigidState) -> Result<()> {
+    /// Writes the inputs of a step of `h` seconds that ends at `time`, s.
+    fn write_inputs(&self, time: f64, h: f64, device: &RigidState) -> Result<()> {
         let (step, origin) = (&self.scene.step, self.origin());
         let mut params = StepParams {
             dt: h as f32,
@@ -433,19 +461,21 @@ impl Simulation {
         };
         if let Some(tool) = &self.tool {
             let device = &tool.within_reach(device, self.max_force);
-            let gravity = if self.has_weight { step.gravity } else { DVec3::ZERO };
-            let mut rows = match self.model.tool_core {
-                Some(_) => tool.coupling_rows(h, device),
-                None => tool.rows(h, gravity, device),
-            };
-            if self.model.tool_core.is_some() && !self.has_weight {
-                (0..3).for_each(|k| rows.rhs[k] -= h * self.tool_core_mass * step.gravity[k]);
+            if let Some(core) = self.model.tool_core() {
+                let carried = if self.has_weight { DVec3::ZERO } else { h * self.tool_core_mass * step.gravity };
+                params.held[0] = tools::held_core(tool, core, device, carried, h, origin);
+            } else {
+                let gravity = if self.has_weight { step.gravity } else { DVec3::ZERO };
+                let rows = tool.rows(h, gravity, device);
+                params.tool_matrix = std::array::from_fn(|k| rows.matrix[k / 6][k % 6] as f32);
+                params.tool_rhs = rows.rhs.map(|x| x as f32);
             }
-            params.tool_matrix = std::array::from_fn(|k| rows.matrix[k / 6][k % 6] as f32);
-            params.tool_rhs = rows.rhs.map(|x| x as f32);
             let (v, w) = (tool.velocity, tool.angular_velocity);
             params.tool_twist = [v.x, v.y, v.z, w.x, w.y, w.z].map(|x| x as f32);
             params.tool_centre = (tool.centre - origin).as_vec3().to_array();
+        }
+        for (held, tool) in params.held[1..].iter_mut().zip(&self.further_tools) {
+            *held = tool.held_core(time, h, origin);
         }
         self.stages.common.params.mapped_mut::<StepParams>()?[0] = params;
 
@@ -479,7 +509,15 @@ impl Simulation {
         Ok(self.probes.iter().zip(moved.chunks(4)).map(place).collect())
     }
 
-    fn row(&self, report: &Report, time: f64, device: &RigidState, probes: Vec<DVec3>, begun: Instant) -> StepReport {
+    /// The report of a step that ended at `time` and was `h` seconds long.
+    fn row(
+        &self,
+        report: &Report,
+        (time, h): (f64, f64),
+        device: &RigidState,
+        probes: Vec<DVec3>,
+        begun: Instant,
+    ) -> StepReport {
         let vector = |x: [f32; 3]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
         let touch = self.stages.touch.is_some();
         StepReport {
@@ -491,6 +529,9 @@ impl Simulation {
                 force: vector(report.force),
                 torque: vector(report.torque),
             }),
+            further_tools: (self.further_tools.iter().enumerate())
+                .map(|(index, tool)| tool.report(time, h, report, index))
+                .collect(),
             contacts: touch.then_some(report.contacts),
             max_depth: touch.then_some(f64::from(report.max_depth)),
             normal_turn: touch.then_some(f64::from(report.turn)),

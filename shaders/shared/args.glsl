@@ -25,7 +25,7 @@ const uint ARGS_LOOP_FREE = 12;     // one workgroup for each block of free node
 const uint ARGS_LOOP_ATTACHED = 13;  // one workgroup for each block of nodes attached to dynamic cores, in the loop
 const uint ARGS_LOOP_TOOL = 14;     // one workgroup for the six equations of the tool, in the solver's loop
 const uint ARGS_COMMIT = 15;        // one invocation for each node, once the step is accepted
-const uint ARGS_WRENCH = 16;        // one workgroup of wrench/reduce, once the step is accepted
+const uint ARGS_WRENCH = 16;        // one workgroup of wrench/reduce for each tool, once the step is accepted
 const uint ARGS_GAP = 17;           // one workgroup of wrench/gap for each part of skin that the tool may touch
 const uint ARGS_DRAW = 20;          // draw of the depth stage's graphics version: a VkDrawIndirectCommand (four words)
 

@@ -16,6 +16,15 @@
 // one workgroup of the solver works on; its modes are affine motions of these nodes, the basis of M's coarse space.
 
 const uint NONE = 0xffffffffu;  // index that stands for nothing
+const uint MOST_TOOLS = 4;      // most tools of a scene
+
+// A dynamic core that a haptic device holds as a tool, through a virtual coupling (spring and damper).
+struct HeldCore {
+    uint core;                  // its index among the dynamic cores
+    float matrix[36];           // 6x6 operator of the coupling; the core's nodes have the inertia
+    float rhs[6];               // right-hand side that belongs to the matrix, N s and N m s
+    vec3 centre;                // the core's centre at the start, m, relative to the origin
+};
 
 // Inputs of one step, written by the host.
 struct StepParams {
@@ -31,13 +40,12 @@ struct StepParams {
                                         // that the tool feels
     float friction;             // Coulomb's coefficient mu
     float friction_speed;       // sliding speed below which friction is viscous, m/s
-    float tool_matrix[36];      // 6x6 operator of the tool's twist without contact: inertia and virtual coupling
-                                // (spring and damper to the haptic device); the coupling alone where the device holds a
-                                // core of a soft body, since that core's nodes have the inertia
+    float tool_matrix[36];      // 6x6 operator of the rigid tool's twist without contact: inertia and virtual coupling
     float tool_rhs[6];          // right-hand side that belongs to tool_matrix, N s and N m s
-    float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity of the tool at the start; unused where the
-                                // device holds a core
-    vec3 tool_centre;           // the tool's centre at the start, m, relative to the origin
+    float tool_twist[6];        // linear (m/s) and angular (rad/s) velocity of the rigid tool at the start
+    vec3 tool_centre;           // centre of the rigid tool, or of the first held core, at the start, m, relative to the
+                                // origin
+    HeldCore held[MOST_TOOLS];  // the dynamic cores that haptic devices hold, in the order of the tools
 };
 
 // A rigid coordinate frame: its rotation R0 and centre c0 at the start of the step, and its motion to R1 and c1 at the
@@ -140,7 +148,8 @@ struct Pair {
     uint first_pair_proxy[2];         // first pair proxy of a and of b; each of their proxies has one
     float stiffness;            // penalty stiffness k, N/m^3
     float damping;              // penalty damping d, N s/m^3
-    float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
+    float tool_sign;            // 1: a is a tool or a body that a haptic device holds, -1: b alone is, 0: neither
+    uint tools[2];              // indices of a and of b among the tools, or NONE
     uint is_plane;              // 1: b is a half-space
     uint kinematic_frame[2];       // frame of a and of b where these are rigid and kinematic, or NONE
     uint lone_side;             // which skin is tested for contact; 0: both sides, 1: that of a alone, 2: that of b alone
@@ -261,8 +270,8 @@ struct Counts {
 struct Contact {
     vec3 normal;                // unit, from a to b
     float area;                 // area projected along the normal, halved where vertices of both sides are tested, m^2
-    vec3 arm;                   // from the tool's centre to the point where the contact acts on the tool, m
-    float tool_sign;            // 1: a is the tool or the soft body that the haptic device holds, -1: b is, 0: neither
+    vec3 arm;                   // from tool_centre to the point where the contact acts on the tool, m
+    float tool_sign;            // 1: a is a tool or a body that a haptic device holds, -1: b alone is, 0: neither
     float depth;                // penetration depth delta, m
     float rate;                 // delta' = normal . (v1 - v2) at the start, m/s
     float stiffness;            // k, N/m^3; negated where the contact was released in the present solve
@@ -288,7 +297,7 @@ struct Solve {
     float first_norm2;          // rhs_norm2 of the first Newton iteration
     uint flags;                 // flags of the last Newton iteration's solve
     float energy_limit;         // e . A e above which iterations go on, with error e of the solution, J
-    float normal_forces[2];     // sums of normal forces at the last step's end: of the tool's contacts, of others, N
+    float normal_forces[2];     // sums of normal forces at the last step's end: of all tools' contacts, of others, N
     float stop_norm2;           // r . M^-1 r at which the iterations converged
     float solution_dt;          // length of the step whose changes of velocity the solution has, s; 0: it was rejected
 };
@@ -316,6 +325,12 @@ const uint STATUS_CONVERGED = 1;    // the residual is below the tolerance, and 
 const uint STATUS_STOPPED = 2;      // the solver reached max_iterations
 const uint STATUS_BROKEN = 3;       // the operator seems not to be positive definite, or a number is NaN or infinite
 
+// Net force and torque of the contacts on a tool.
+struct ToolForce {
+    float force[3];             // N
+    float torque[3];            // about the tool's centre, N m
+};
+
 // Results that the host reads back after the step.
 struct Report {
     uint verdict;               // whether the step is accepted, or how it must go on: one of VERDICT_*
@@ -336,6 +351,7 @@ struct Report {
     float tool_change[6];       // change of the tool's twist over the step, m/s and rad/s
     float stiffness[21];        // contact stiffness that the tool feels, upper triangle of the 6x6 matrix by rows
     float damping[21];          // contact damping that the tool feels, laid out like the stiffness
+    ToolForce further[MOST_TOOLS - 1];      // forces of the contacts on the tools after the first
 };
 
 // A part of a skin that the tool may touch: some chunks of one proxy.

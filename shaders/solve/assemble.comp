@@ -44,7 +44,7 @@ layout(constant_id = 8) const bool JOINTS = false;
 layout(constant_id = 9) const bool SUPPORTS = false;         // whether some nodes are supported (shared/support.glsl)
 layout(constant_id = 10) const bool LOADS = false;
 layout(constant_id = 11) const uint NODES = 0;              // number of nodes, behind which external_forces has the cores
-layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
+layout(constant_id = 13) const uint HELD = 0;               // number of cores that haptic devices hold
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
@@ -92,6 +92,7 @@ const uint SUMS = 7;
 #include "shared/blocks.glsl"
 #include "shared/coarse_vector.glsl"
 #include "shared/core.glsl"
+#include "shared/held.glsl"
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
 #include "shared/joint.glsl"
@@ -233,9 +234,11 @@ void main() {
                 coarse_vector.c0 += h * fetch(external_forces, NODES + 2 * block.rigid).xyz;
                 coarse_vector.c1 += h * fetch(external_forces, NODES + 2 * block.rigid + 1).xyz;
             }
-            if (TOOL_CORE != NONE && block.rigid == TOOL_CORE) {
-                coarse_vector.c0 += vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]);
-                coarse_vector.c1 += vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]);
+            uint held = held_index(block.rigid);
+            if (held != NONE) {
+                float rows[6] = params.held[held].rhs;
+                coarse_vector.c0 += vec3(rows[0], rows[1], rows[2]);
+                coarse_vector.c1 += vec3(rows[3], rows[4], rows[5]);
             }
         }
         if (JOINTS && lane == 0 && gl_WorkGroupID.x == rigid.block_first) {

@@ -26,6 +26,7 @@ layout(constant_id = 2) const bool CONTACT = false;
 layout(constant_id = 3) const bool COARSE = false;
 layout(constant_id = 4) const bool TOOL = false;         // whether there is a rigid tool, the last rigid body
 layout(constant_id = 6) const uint RIGIDS = 0;           // rigid bodies: dynamic cores and the tool
+layout(constant_id = 7) const uint TOOLS = 1;            // number of tools, held cores among them
 layout(constant_id = 8) const uint NODES = 0;
 layout(constant_id = 9) const uint SKIN_PARTS = 0;      // number of workgroups of wrench/gap
 
@@ -83,7 +84,7 @@ void main() {
     vec4 sums = vec4(0.0);
     for (uint k = lane; k < BLOCKS; k += SIZE) sums.xw += dots[k] + (COARSE ? vec2(coarse_dots[k], 0.0) : vec2(0.0));
     float depth = 0.0;
-    vec4 forces = vec4(0.0);      // sums of normal forces: x: of the tool's contacts; y: of all others, N
+    vec4 forces = vec4(0.0);      // sums of normal forces: x: of the contacts of all tools; y: of all others, N
     // Components of `sums`: x: (b - A x) . M^-1 (b - A x); y: number of contacts that are not released; z: number of
     // contacts under tension; w: estimate of the first component if the solution had rounding errors alone.
     if (CONTACT) {
@@ -160,9 +161,12 @@ void main() {
         if (failed) {
             verdict = VERDICT_FAILED;
             solve.solution_dt = 0.0;
-            // A failed step applies no force to the tool.
+            // A failed step applies no force to the tools.
             for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = report.friction[k] = 0.0;
             report.pressing = 0.0;
+            for (int k = 0; k < 3; k++) {
+                for (uint t = 1; t < TOOLS; t++) report.further[t - 1].force[k] = report.further[t - 1].torque[k] = 0.0;
+            }
         }
         if (!failed && params.newton > 1 && !is_check) {
             verdict = VERDICT_NEWTON;
@@ -184,7 +188,7 @@ void main() {
             else rigids[index].carried_residual = rigids[index].operator_product;
         }
         args[3 * ARGS_COMMIT] = done ? groups_of(NODES) : 0;
-        args[3 * ARGS_WRENCH] = done ? 1 : 0;
+        args[3 * ARGS_WRENCH] = done ? TOOLS : 0;
         args[3 * ARGS_GAP] = done && params.wants_stiffness != 0 ? SKIN_PARTS : 0;
     }
     report.verdict = verdict;

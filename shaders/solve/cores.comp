@@ -26,7 +26,7 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const bool JOINTS = false;
 layout(constant_id = 2) const bool LOADS = false;
 layout(constant_id = 3) const uint NODES = 0;               // number of nodes, behind which external_forces has the cores
-layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
+layout(constant_id = 13) const uint HELD = 0;               // number of cores that haptic devices hold
 
 layout(scalar) readonly buffer Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
@@ -47,6 +47,7 @@ layout(scalar) coherent buffer RigidInverses { float rigid_inverses[]; };
 #include "shared/sum.glsl"
 #include "shared/settle.glsl"
 #include "shared/core.glsl"
+#include "shared/held.glsl"
 #include "shared/joint.glsl"
 #include "shared/twist.glsl"
 TWIST_OF(restricted_rhs)
@@ -114,10 +115,12 @@ void assemble(uint c) {
     force_size = workgroup_sum(vec4(force_size, 0.0)).xyz;
     torque_size = workgroup_sum(vec4(torque_size, 0.0)).xyz;
     if (gl_LocalInvocationID.x != 0) return;
-    if (TOOL_CORE != NONE && c == TOOL_CORE) {
-        for (int k = 0; k < 36; k++) block[k] += params.tool_matrix[k];
-        force_size += abs(vec3(params.tool_rhs[0], params.tool_rhs[1], params.tool_rhs[2]));
-        torque_size += abs(vec3(params.tool_rhs[3], params.tool_rhs[4], params.tool_rhs[5]));
+    uint held = held_index(c);
+    if (held != NONE) {
+        for (int k = 0; k < 36; k++) block[k] += params.held[held].matrix[k];
+        float rows[6] = params.held[held].rhs;
+        force_size += abs(vec3(rows[0], rows[1], rows[2]));
+        torque_size += abs(vec3(rows[3], rows[4], rows[5]));
     }
     if (LOADS) {
         force_size += abs(params.dt * fetch(external_forces, NODES + 2 * c).xyz);

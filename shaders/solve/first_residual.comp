@@ -168,7 +168,7 @@ void assemble_tool() {
 // Returns the value of e . A e (J), with the error e of the solution, above which iterations go on. By the inequality of
 // Cauchy and Schwarz the error of the sum of the contacts' normal impulses is at most sqrt(w e . A e), where w is the
 // sum of the contacts' normal terms in the operator A, since A contains these terms. This bound must be small compared
-// with the normal impulse of the last step, once for the contacts of the tool and once for all others.
+// with the normal impulse of the last step, once for the contacts of all tools and once for all others.
 float energy_limit() {
     vec4 terms = vec4(0.0);
     for (uint c = gl_LocalInvocationID.x; c < counts.contacts; c += SIZE) {

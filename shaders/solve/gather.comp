@@ -38,7 +38,7 @@ layout(constant_id = 9) const uint FIRST = 0;           // first of the blocks t
 layout(constant_id = 10) const bool JOINTS = false;
 layout(constant_id = 5) const bool SUPPORTS = false;         // whether some nodes are supported (shared/support.glsl)
 layout(constant_id = 11) const bool ASSEMBLED = false;      // whether the operator is kept as a matrix
-layout(constant_id = 13) const uint TOOL_CORE = NONE;        // the core that the haptic device holds, or NONE
+layout(constant_id = 13) const uint HELD = 0;               // number of cores that haptic devices hold
 
 layout(push_constant) uniform Which { uint set; };      // which of two sets of iterates holds u and r in GATHER_LOOP
 
@@ -85,6 +85,7 @@ const uint SUMS = 7;
 #include "shared/symmetric.glsl"
 #include "shared/preconditioner.glsl"
 #include "shared/core.glsl"
+#include "shared/held.glsl"
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
 #include "shared/rows.glsl"
@@ -188,10 +189,11 @@ void gather_block(uint b, inout vec3 sums, inout CoarseVector of_product, inout 
     }
     if (ROLE != ATTACHED_NODES) return;
     Rigid rigid = rigids[block.rigid];
-    if (TOOL_CORE != NONE && block.rigid == TOOL_CORE && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
+    uint held = held_index(block.rigid);
+    if (held != NONE && b == rigid.block_first && gl_LocalInvocationID.x == 0) {
         // The product of the virtual coupling (spring and damper to the haptic device), in the rows of the held core.
-        RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + TOOL_CORE];
-        float p[6] = MODE == GATHER_LOOP ? now.u : now.x, own[6] = times(params.tool_matrix, p);
+        RigidIterate now = iterates[(MODE == GATHER_LOOP ? set : solve.current) * RIGIDS + block.rigid];
+        float p[6] = MODE == GATHER_LOOP ? now.u : now.x, own[6] = times(params.held[held].matrix, p);
         of_product.c0 += three(own, 0);
         of_product.c1 += three(own, 3);
         if (MODE == GATHER_LOOP) sums.y += inner(own, p);

@@ -174,8 +174,14 @@ fn of_the_tool(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &
     let no = if touches { "no haptic device holds the tool, so nothing uses these matrices" } else { no };
     add("6x6 stiffness and damping", touches && held, "for the local model of contact in the haptic loop".into(), no);
     let no = if scene.tool.is_none() { "no tool" } else { "the tool is a body of its own" };
-    add("held body", model.tool_core.is_some(), "the haptic device is coupled to a core of a body".into(), no);
-    add("virtual coupling", scene.coupling.is_some(), "added to the equations of the tool".into(), "no [coupling]");
+    let held_bodies = match model.tool_cores.len() {
+        1 => "the haptic device is coupled to a core of a body".into(),
+        count => format!("{count} haptic devices are coupled to a core of a body each"),
+    };
+    add("held body", model.tool_core().is_some(), held_bodies, no);
+    let couplings = scene.coupling.iter().chain(scene.further_tools.iter().filter_map(|tool| tool.coupling.as_ref()));
+    let couplings = couplings.count();
+    add("virtual coupling", couplings > 0, "added to the equations of the tool".into(), "no coupling");
     let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool's weight acts on the tool" };
     add("weight carried by the hand", scene.tool.is_some() && held, "a haptic device holds the tool".into(), no);
 }

@@ -20,6 +20,7 @@ pub(super) const SOURCES: &[&str] = &[
     include_str!("model/mod.rs"),
     include_str!("model/pumpkin.rs"),
     include_str!("model/solid.rs"),
+    include_str!("model/sphere.rs"),
     include_str!("model/split.rs"),
     include_str!("prepared.rs"),
     include_str!("proxy.rs"),
@@ -69,7 +70,7 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     /// Files of the folders `prepare` and `scene` on which the cached parts of a body do not depend.
-    const OTHERS: [&str; 42] = [
+    const OTHERS: [&str; 43] = [
         "prepare/bind.rs",
         "prepare/bodies.rs",
         "prepare/body.rs",
@@ -93,6 +94,7 @@ mod tests {
         "scene/build.rs",
         "scene/check.rs",
         "scene/dotted.rs",
+        "scene/tools.rs",
         "scene/trajectory.rs",
         "scene/hand.rs",
         "scene/haptics.rs",

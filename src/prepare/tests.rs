@@ -134,6 +134,7 @@ pub(crate) fn scene(shape: scene::Shape, cores: &[Bind]) -> Scene {
         },
         bodies: vec![body],
         tool: None,
+        further_tools: vec![],
         coupling: None,
         trajectory: Vec::new(),
         haptics: Haptics::default(),
@@ -232,16 +233,7 @@ fn nodes_of_no_tetrahedron_are_left_out_and_cores_count_as_the_file_does() {
 #[test]
 fn the_sphere_tool_is_a_ball_and_a_tool_body_is_not_made_here() {
     let scene = scene(cube(), &[]);
-    let mut ball = Tool {
-        shape: ToolShape::Sphere(0.01),
-        mass: 0.05,
-        position: DVec3::Y,
-        orientation: DQuat::IDENTITY,
-        velocity: DVec3::ZERO,
-        units: None,
-        scale: 1.0,
-        repair: true,
-    };
+    let mut ball = Tool::sphere(0.01, 0.05).at([0.0, 1.0, 0.0]);
     let Shape::Rigid { skin, proxies, centroid, .. } = tool(&ball, &scene).unwrap().shape else {
         panic!("the tool is not rigid")
     };

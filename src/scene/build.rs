@@ -15,7 +15,8 @@ use super::load::TOOL;
 use super::meshes::Meshes;
 use super::names::Unresolved;
 use super::{
-    Body, Contact, Core, Coupling, DeviceKind, Haptics, Key, Motion, Probe, Scene, Solver, Step, Tool, load, names,
+    Body, Contact, Core, Coupling, DeviceKind, FurtherTool, Haptics, Key, Motion, Probe, Scene, Solver, Step, Tool,
+    load, names,
 };
 use crate::{Error, Result};
 
@@ -100,21 +101,34 @@ impl SceneBuilder {
         Ok(self)
     }
 
-    /// Sets the tool, which the haptic device moves; an earlier tool of the scene is replaced.
+    /// Sets the tool, which the haptic device moves; earlier tools of the scene, further ones too, are replaced.
     pub fn tool(&mut self, tool: Tool) -> Result<&mut Self> {
         tool.check().map_err(|problem| self.wrong("tool", problem))?;
         self.scene.tool = Some(Tool { orientation: unit(tool.orientation), ..tool });
+        self.scene.drop_further_tools();
         Ok(self)
     }
 
-    /// Sets the virtual coupling between haptic device and tool.
+    /// Adds a tool after the first, for another haptic device. In a scene with several tools each is a body of the scene
+    /// ([`Tool::body`]); there are four at most.
+    pub fn further_tool(&mut self, tool: FurtherTool) -> Result<&mut Self> {
+        let key = format!("tool.{}", tool.name);
+        let check = tool.check(self.scene.tool.as_ref(), &self.scene.further_tools);
+        check.map_err(|problem| self.wrong(&key, problem))?;
+        let trajectory = unit_keys(tool.trajectory);
+        self.scene.further_tools.push(FurtherTool { trajectory, ..tool });
+        Ok(self)
+    }
+
+    /// Sets the virtual coupling between haptic device and tool; of several tools the first.
     pub fn coupling(&mut self, coupling: Coupling) -> Result<&mut Self> {
         coupling.check().map_err(|problem| self.wrong("coupling", problem))?;
         self.scene.coupling = Some(coupling);
         Ok(self)
     }
 
-    /// Sets the reference trajectory of the haptic device: poses at given times, interpolated in between.
+    /// Sets the reference trajectory of the haptic device (of several the first): poses at given times, interpolated in
+    /// between.
     pub fn trajectory(&mut self, keys: Vec<Key>) -> Result<&mut Self> {
         check::keys(&keys).map_err(|problem| self.wrong("drive.keys", problem))?;
         self.scene.trajectory = unit_keys(keys);
@@ -162,6 +176,14 @@ impl SceneBuilder {
         scene.bodies.iter().try_for_each(|body| of(&format!("body.{}", body.name), body.check()))?;
         of("tool", scene.tool.as_ref().map_or(Ok(()), Tool::check))?;
         of("coupling", scene.coupling.as_ref().map_or(Ok(()), Coupling::check))?;
+        for (index, tool) in scene.further_tools.iter().enumerate() {
+            let check = tool.check(scene.tool.as_ref(), &scene.further_tools[..index]);
+            of(&format!("tool.{}", tool.name), check)?;
+        }
+        if !scene.further_tools.is_empty() && (scene.rigid_tool().is_some() || scene.tool.is_none()) {
+            let problem = "is not a body of the scene, but there are several tools";
+            return Err(Error::key(&scene.file, "tool", problem, "make each of several tools a body of the scene"));
+        }
         of("haptics", scene.haptics.check())?;
         for (key, is_given) in [("coupling", scene.coupling.is_some()), ("drive", !scene.trajectory.is_empty())] {
             if is_given && scene.tool.is_none() {
@@ -199,6 +221,7 @@ impl SceneBuilder {
     pub fn replace_tool(&mut self, tables: &toml::Table) -> Result<()> {
         let mut next = self.clone();
         (next.scene.tool, next.scene.coupling) = (None, None);
+        next.scene.drop_further_tools();
         next.tables(tables)?;
         *self = next;
         Ok(())
@@ -536,6 +559,23 @@ mod tests {
             "unexpected error: {said}"
         );
         SceneBuilder::new("s").body(body(vec![joint([0, 1]), joint([1, 2])])).unwrap();
+    }
+
+    #[test]
+    fn further_tools_are_checked_and_need_a_first_that_is_a_body() {
+        let further =
+            |name: &str| FurtherTool { name: name.into(), body: "a".into(), coupling: None, trajectory: vec![] };
+        let mut builder = SceneBuilder::new("s");
+        builder.body(soft()).unwrap().tool(Tool::sphere(0.1, 1.0)).unwrap().further_tool(further("b")).unwrap();
+        let said = builder.build().unwrap_err().to_string();
+        assert!(said.contains("`tool`: is not a body of the scene, but there are several tools"), "{said}");
+        assert!(words(builder.further_tool(further("b"))).starts_with("`tool.b.name`: \"b\" is taken by another tool"));
+        let weak = Coupling { stiffness: -1.0, ..Coupling::default() };
+        let said = words(builder.further_tool(FurtherTool { coupling: Some(weak), ..further("c") }));
+        assert!(said.starts_with("`tool.c.coupling.stiffness`: is -1.0"), "{said}");
+        builder.further_tool(further("c")).unwrap().further_tool(further("d")).unwrap();
+        assert!(words(builder.further_tool(further("e"))).starts_with("`tool.e`: is one tool too many"));
+        assert!(builder.tool(Tool::sphere(0.1, 1.0)).unwrap().build().unwrap().further_tools.is_empty());
     }
 
     #[test]

@@ -11,8 +11,9 @@ use glam::{DQuat, DVec3};
 
 use super::joint::closes_loop;
 use super::{
-    Bind, Body, Contact, Core, Coupling, DeviceKind, Dilatation, Group, HAPTIC_RATES, Haptics, Hinge, Joint, Key,
-    Layer, MOST_HULLS, Material, Motion, Place, Probe, Scene, Shape, Solver, Step, Surface, Tool, ToolShape,
+    Bind, Body, Contact, Core, Coupling, DeviceKind, Dilatation, FurtherTool, Group, HAPTIC_RATES, Haptics, Hinge,
+    Joint, Key, Layer, MOST_HULLS, Material, Motion, Place, Probe, Scene, Shape, Solver, Step, Surface, Tool,
+    ToolShape,
 };
 
 /// Greatest magnitude of a number. The greatest number of single precision, 3e38, is so much greater that the number
@@ -44,6 +45,8 @@ pub const MOST_CELLS: u32 = 1 << 20;
 /// Greatest number of tetrahedra that a scene may ask of a box layer. The module `crate::prepare`, which generates the
 /// layer, has a lower limit.
 const MOST_BOX_TETRAHEDRA: u64 = 1 << 27;
+/// Greatest number of tools of a scene.
+pub const MOST_TOOLS: usize = 4;
 /// Range of Poisson's ratio. At -0.5 the bulk modulus is a sixth of the shear modulus; towards -1 the share falls to 0.
 const POISSON: std::ops::Range<f64> = -0.5..0.5;
 /// Names that no probe (a skin vertex whose positions are recorded) may have, because the trace (a CSV file with the
@@ -376,6 +379,7 @@ impl Haptics {
 impl Tool {
     /// Checks all values, and returns the first problem.
     pub(crate) fn check(&self) -> Check {
+        name(&self.name).under("name")?;
         match &self.shape {
             ToolShape::Sphere(radius) => positive(*radius).under("sphere")?,
             ToolShape::Surface(surface) => check_surface(surface).under("surface")?,
@@ -573,6 +577,31 @@ impl Probe {
         name(&self.name).under("name")?;
         probe_name(&self.name, others)?;
         vector(self.nearest).under("nearest")
+    }
+}
+
+/// Checks that a tool's name is not one of `others`, the names of other tools.
+pub(super) fn tool_name<'a>(name: &str, mut others: impl Iterator<Item = &'a str>) -> Check {
+    match others.any(|other| other == name) {
+        true => Err(Problem::of("name", format!("\"{name}\" is taken by another tool"), "choose another name")),
+        false => Ok(()),
+    }
+}
+
+impl FurtherTool {
+    /// Checks all values, and that the tool can come after `first` and the further tools `before`; returns the first
+    /// problem.
+    pub(super) fn check(&self, first: Option<&Tool>, before: &[FurtherTool]) -> Check {
+        name(&self.name).under("name")?;
+        let others = before.iter().map(|tool| &tool.name).chain(first.map(|tool| &tool.name));
+        tool_name(&self.name, others.map(String::as_str))?;
+        if before.len() + 1 >= MOST_TOOLS {
+            let problem = format!("is one tool too many: a scene has {MOST_TOOLS} at most");
+            return Err(Problem { key: String::new(), problem, remedy: "leave it out".into() });
+        }
+        name(&self.body).under("body")?;
+        self.coupling.as_ref().map_or(Ok(()), Coupling::check).under("coupling")?;
+        if self.trajectory.is_empty() { Ok(()) } else { keys(&self.trajectory).under("drive.keys") }
     }
 }
 

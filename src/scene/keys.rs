@@ -439,6 +439,11 @@ impl<'a> Value<'a> {
         Ok(table)
     }
 
+    /// Whether the value is an array.
+    pub fn is_array(&self) -> bool {
+        matches!(self.value.kind, Kind::Array(_))
+    }
+
     /// Reads a table whose keys are not checked yet; [`Table::only`] checks them.
     pub fn unchecked_table(&self) -> Result<Table<'a>> {
         let Kind::Table(table) = &self.value.kind else { return Err(self.wrong_type("a table")) };

@@ -3,20 +3,20 @@
 //! poses (*keys*) of the device at given times; a probe, `[[probe]]`, is a skin vertex whose positions are recorded; a
 //! preset is a named set of settings.
 //!
-//! Bodies are read in `body.rs`, trajectories in `trajectory.rs`, and the settings of the haptic loop in `haptics.rs`.
-//! Mesh files must exist, but are not read here.
+//! Bodies are read in `body.rs`, tools in `tools.rs`, trajectories in `trajectory.rs`, and the settings of the haptic loop
+//! in `haptics.rs`. Mesh files must exist, but are not read here.
 
+use std::iter;
 use std::path::{Path, PathBuf};
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 use super::keys::{Node, Source, Table, Value};
 use super::preset::{self, PRESETS, Preset};
 use super::reference::{self, TableKeys};
-use super::units::UNITS;
 use super::{
-    Body, Contact, Coupling, DepthPath, Haptics, Operator, Preconditioner, Probe, Samples, Scene, SceneBuilder, Sides,
-    Solver, Step, Tool, ToolShape, body, check, haptics, names, trajectory,
+    Body, Contact, DepthPath, FurtherTool, Haptics, Key, Operator, Preconditioner, Probe, Samples, Scene, SceneBuilder,
+    Sides, Solver, Step, Tool, ToolShape, body, check, haptics, names, tools, trajectory,
 };
 use crate::{Error, Result, files};
 
@@ -73,6 +73,7 @@ impl Scene {
             contact: no_contact(&preset::NONE),
             bodies: Vec::new(),
             tool: None,
+            further_tools: Vec::new(),
             coupling: None,
             trajectory: Vec::new(),
             haptics: Haptics::default(),
@@ -92,7 +93,7 @@ impl Scene {
         self.file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
     }
 
-    /// Index of the body that serves as the tool, if a body does.
+    /// Index of the body that serves as the tool, if a body does; of several tools the first.
     pub fn tool_body_index(&self) -> Option<usize> {
         match &self.tool.as_ref()?.shape {
             ToolShape::Body(name) => self.bodies.iter().position(|body| body.name == *name),
@@ -100,15 +101,27 @@ impl Scene {
         }
     }
 
+    /// Indices of the bodies that serve as tools, in the order of the tools.
+    pub(crate) fn tool_bodies(&self) -> impl Iterator<Item = usize> {
+        let index = |tool: &FurtherTool| self.bodies.iter().position(|body| body.name == tool.body);
+        self.tool_body_index().into_iter().chain(self.further_tools.iter().filter_map(index))
+    }
+
+    /// The reference trajectories of all haptic devices.
+    fn trajectories(&self) -> impl Iterator<Item = &[Key]> {
+        iter::once(&self.trajectory[..]).chain(self.further_tools.iter().map(|tool| &tool.trajectory[..]))
+    }
+
     /// The tool; `None` if there is no tool, or if one of the scene's bodies serves as the tool.
     pub fn rigid_tool(&self) -> Option<&Tool> {
         self.tool.as_ref().filter(|tool| !matches!(tool.shape, ToolShape::Body(_)))
     }
 
-    /// Length of a run, s, if the user gives none: the time of the trajectory's last key, or one second if no key has a
-    /// time above zero.
+    /// Length of a run, s, if the user gives none: the time of the last key of any trajectory, or one second if no key
+    /// has a time above zero.
     pub fn duration(&self) -> f64 {
-        self.trajectory.last().map(|key| key.time).filter(|&time| time > 0.0).unwrap_or(DEFAULT_DURATION)
+        let last = self.trajectories().filter_map(|keys| keys.last()).map(|key| key.time).fold(0.0, f64::max);
+        if last > 0.0 { last } else { DEFAULT_DURATION }
     }
 }
 
@@ -156,8 +169,8 @@ pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) 
     let before = [scene.bodies.len(), scene.probes.len()];
     body::read(&root, builder)?;
     let scene = builder.scene_mut();
-    scene.tool = root.option("tool", tool)?.or(scene.tool.take());
-    scene.coupling = root.option("coupling", coupling)?.or(scene.coupling);
+    tools::read(&root, scene)?;
+    scene.coupling = root.option("coupling", tools::coupling)?.or(scene.coupling);
     if let Some(keys) = root.option("drive", trajectory::read)? {
         scene.trajectory = keys;
     }
@@ -245,47 +258,6 @@ fn contact(root: &Table, none: &Contact) -> Result<Contact> {
         depth: table.or("depth", none.depth, |value| value.one_of("path", &DepthPath::CHOICES))?,
         sides: table.or("sides", none.sides, |value| value.one_of("choice of sides", &Sides::CHOICES))?,
         samples: table.or("samples", none.samples, |value| value.one_of("kind of samples", &Samples::CHOICES))?,
-    })
-}
-
-fn tool(value: &Value) -> Result<Tool> {
-    let table = value.table(&reference::TOOL)?;
-    let shape_key = table.exactly_one(&["sphere", "surface", "body"])?;
-    let shape_value = table.need(shape_key)?;
-    let shape = match shape_key {
-        "sphere" => ToolShape::Sphere(shape_value.positive()?),
-        "surface" => ToolShape::Surface(body::given_surface(&shape_value)?),
-        _ => ToolShape::Body(shape_value.name()?),
-    };
-    let meaningless: &[&str] = match shape {
-        ToolShape::Sphere(_) => &["units", "scale", "repair"],
-        ToolShape::Surface(_) => &[],
-        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "units", "scale", "repair"],
-    };
-    if let Some(key) = meaningless.iter().find(|key| table.has(key)) {
-        return Err(table.error(key, format!("has no meaning together with `{shape_key}`"), "remove it"));
-    }
-    // A tool that is a body of the scene has that body's mass and pose.
-    let mass = if matches!(shape, ToolShape::Body(_)) { 0.0 } else { table.need("mass")?.positive()? };
-    Ok(Tool {
-        shape,
-        mass,
-        position: table.or("position", DVec3::ZERO, Value::vector)?,
-        orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
-        velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
-        units: table.option("units", |value| value.one_of("unit of length", &UNITS))?,
-        scale: table.or("scale", 1.0, Value::positive)?,
-        repair: table.or("repair", true, Value::truth)?,
-    })
-}
-
-fn coupling(value: &Value) -> Result<Coupling> {
-    let table = value.table(&reference::COUPLING)?;
-    Ok(Coupling {
-        stiffness: table.need("stiffness")?.not_negative()?,
-        damping: table.need("damping")?.not_negative()?,
-        angular_stiffness: table.or("angular_stiffness", 0.0, Value::not_negative)?,
-        angular_damping: table.or("angular_damping", 0.0, Value::not_negative)?,
     })
 }
 

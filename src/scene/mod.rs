@@ -51,6 +51,7 @@ mod tests;
 pub mod tetgen;
 #[doc(hidden)]
 pub mod tetrahedra;
+mod tools;
 mod trajectory;
 #[doc(hidden)]
 pub mod triangles;
@@ -107,8 +108,10 @@ pub struct Scene {
     pub contact: Contact,
     /// Bodies, in the order of the scene file.
     pub bodies: Vec<Body>,
-    /// The tool, which the haptic device moves, if there is one.
+    /// The tool, which the haptic device moves, if there is one; of several tools the first.
     pub tool: Option<Tool>,
+    /// The tools after the first. In a scene that has any, each tool is a body of the scene.
+    pub further_tools: Vec<FurtherTool>,
     /// Virtual coupling between haptic device and tool; `None`: nothing holds the tool, which moves freely.
     pub coupling: Option<Coupling>,
     /// Reference trajectory of the haptic device: its pose at given times. If empty, the device rests at the tool's
@@ -287,7 +290,8 @@ pub struct Body {
     pub dilatation: Dilatation,
     /// Parts of a soft body that have another material.
     pub regions: Vec<Region>,
-    /// Names of the bodies with which this body collides ("tool" for the tool); `None`: all other bodies.
+    /// Names of the bodies with which this body collides ("tool" for the tool); `None`: all other bodies, but of two tools
+    /// neither the other.
     pub collides: Option<Vec<String>>,
     /// Rigid cores. If the body has a skeleton (bones that are cores), the cores of the bones come first, in the order
     /// of the bones.
@@ -592,6 +596,8 @@ impl Key {
 /// The tool, `[tool]`: the body that the haptic device moves through the virtual coupling.
 #[derive(Debug, Clone)]
 pub struct Tool {
+    /// Name of the tool; "tool" where it is the only one.
+    pub name: String,
     /// Shape of the tool.
     pub shape: ToolShape,
     /// Mass, kg.
@@ -613,7 +619,8 @@ pub struct Tool {
 impl Tool {
     fn of(shape: ToolShape, mass: f64) -> Tool {
         let (position, orientation, velocity) = (DVec3::ZERO, DQuat::IDENTITY, DVec3::ZERO);
-        Tool { shape, mass, position, orientation, velocity, units: None, scale: 1.0, repair: true }
+        let name = load::TOOL.into();
+        Tool { name, shape, mass, position, orientation, velocity, units: None, scale: 1.0, repair: true }
     }
 
     /// A sphere of this radius (m) and mass (kg), at the origin.
@@ -635,6 +642,19 @@ impl Tool {
     pub fn at(self, position: [f64; 3]) -> Tool {
         Tool { position: position.into(), ..self }
     }
+}
+
+/// A tool after the first of several, `[[tool]]`: a body of the scene that a haptic device of its own leads.
+#[derive(Debug, Clone)]
+pub struct FurtherTool {
+    /// Name of the tool.
+    pub name: String,
+    /// Name of the body; the coupling acts on its first core, which must be dynamic.
+    pub body: String,
+    /// Virtual coupling between this tool and its haptic device; `None`: nothing holds the tool.
+    pub coupling: Option<Coupling>,
+    /// Reference trajectory of this tool's haptic device. If empty, the device rests where the tool starts.
+    pub trajectory: Vec<Key>,
 }
 
 /// Shape of the tool.

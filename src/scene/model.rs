@@ -14,11 +14,13 @@ pub enum Model {
     Gear,
     /// A standing human, 1.7 m tall, upright along +y, arms held out, looking towards +z, the soles at y = 0.
     Human,
+    /// A sphere of radius 1 m.
+    Sphere,
 }
 
 impl Model {
     /// All models.
-    pub const ALL: [Model; 4] = [Model::Head, Model::Pumpkin, Model::Gear, Model::Human];
+    pub const ALL: [Model; 5] = [Model::Head, Model::Pumpkin, Model::Gear, Model::Human, Model::Sphere];
 
     /// Name of the model in a scene file.
     pub fn name(self) -> &'static str {
@@ -27,6 +29,7 @@ impl Model {
             Model::Pumpkin => "pumpkin",
             Model::Gear => "gear",
             Model::Human => "human",
+            Model::Sphere => "sphere",
         }
     }
 
@@ -37,6 +40,7 @@ impl Model {
             Model::Pumpkin => 30_000,
             Model::Gear => 29_000,
             Model::Human => 13_000,
+            Model::Sphere => 2_500,
         }
     }
 
@@ -48,6 +52,7 @@ impl Model {
             Model::Pumpkin => 500..=400_000,
             Model::Gear => 2_000..=400_000,
             Model::Human => 2_000..=400_000,
+            Model::Sphere => 100..=400_000,
         }
     }
 }

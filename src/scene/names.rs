@@ -21,6 +21,8 @@ pub(super) enum Place {
     Probe(usize),
     /// The key `tool.body`.
     Tool,
+    /// The key `body` of the tool with this index among the further tools.
+    FurtherTool(usize),
 }
 
 impl Place {
@@ -30,6 +32,7 @@ impl Place {
             Place::Collides(body) => format!("body.{}.collides", scene.bodies[body].name),
             Place::Probe(probe) => format!("probe.{}.body", scene.probes[probe].name),
             Place::Tool => "tool.body".into(),
+            Place::FurtherTool(index) => format!("tool.{}.body", scene.further_tools[index].name),
         }
     }
 
@@ -40,7 +43,9 @@ impl Place {
         match *self {
             Place::Collides(body) => of("body", body - before[0])?.need("collides"),
             Place::Probe(probe) => of("probe", probe - before[1])?.need("body"),
+            Place::Tool if root.need("tool")?.is_array() => of("tool", 0)?.need("body"),
             Place::Tool => root.need("tool")?.unchecked_table()?.need("body"),
+            Place::FurtherTool(index) => of("tool", index + 1)?.need("body"),
         }
     }
 }
@@ -52,14 +57,18 @@ pub(super) fn check_names(root: &Table, scene: &Scene, before: [usize; 2]) -> Re
         if scene.tool.is_none() && root.has(key) {
             return Err(root.error(key, "there is no [tool] for this table", "add a [tool], or remove the table"));
         }
+        if !scene.further_tools.is_empty() && key != "haptics" && root.has(key) {
+            let problem = "does not say for which of several tools";
+            return Err(root.error(key, problem, format!("give `{key}` in each [[tool]]")));
+        }
     }
     let check = resolve(scene, before, root.has("tool"));
     check.or_else(|Unresolved { place, problem, remedy }| Err(place.value(root, before)?.error(problem, remedy)))
 }
 
 /// Checks the names to which bodies and probes of a scene refer; `from`: index of the first body and of the first probe
-/// to check. If `is_new`, the tool is checked too: where it is a body of the scene, this body must exist, and its first
-/// rigid core (for a rigid body, the body itself) must be dynamic.
+/// to check. If `is_new`, the tools are checked too: where they are bodies of the scene, these must exist, and their first
+/// rigid cores (for a rigid body, the body itself) must be dynamic.
 pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::result::Result<(), Unresolved> {
     let wrong = |place, (problem, remedy)| Err(Unresolved { place, problem, remedy });
     for (index, body) in scene.bodies.iter().enumerate().skip(from[0]) {
@@ -85,13 +94,28 @@ pub(super) fn resolve(scene: &Scene, from: [usize; 2], is_new: bool) -> std::res
         let problem = format!("body \"{}\" names \"tool\" in `collides`, but this tool is a body", other.name);
         return wrong(Place::Tool, (problem, "add the tool first, then name the tool's body in `collides`".into()));
     }
-    let Some(body) = scene.tool_body_index().map(|body| &scene.bodies[body]) else {
-        return wrong(Place::Tool, unknown(scene, name));
-    };
+    let further = scene.further_tools.iter().enumerate().map(|(index, tool)| (Place::FurtherTool(index), &tool.body));
+    let mut held: Vec<&str> = Vec::new();
+    for (place, name) in std::iter::once((Place::Tool, name)).chain(further) {
+        if let Err(words) = check_held(scene, name, &held) {
+            return wrong(place, words);
+        }
+        held.push(name);
+    }
+    Ok(())
+}
+
+/// Checks the body called `name` that a tool is, while other tools are the bodies `held`; the error is a problem and its
+/// remedy.
+fn check_held(scene: &Scene, name: &str, held: &[&str]) -> std::result::Result<(), (String, String)> {
+    let Some(body) = scene.bodies.iter().find(|body| body.name == name) else { return Err(unknown(scene, name)) };
+    if held.contains(&name) {
+        return Err((format!("\"{name}\" is another tool already"), "give each tool a body of its own".into()));
+    }
     if !matches!(body.cores.first(), Some(Core { motion: Motion::Dynamic, .. })) {
         let problem = format!("the first core of \"{name}\", to which the haptic device is coupled, is not dynamic");
         let remedy = "give its first [[body.core]], or the rigid body, motion = \"dynamic\"";
-        return wrong(Place::Tool, (problem, remedy.into()));
+        return Err((problem, remedy.into()));
     }
     Ok(())
 }

@@ -43,9 +43,9 @@ const fn key(name: &'static str, value: &'static str, default: &'static str, mea
 }
 
 /// All tables, in the order in which the page `docs/reference/scene.md` lists them.
-pub const TABLES: [&TableKeys; 25] = [
+pub const TABLES: [&TableKeys; 26] = [
     &ROOT, &STEP, &SOLVER, &CONTACT, &BODY, &MODEL, &MESH, &LAYER, &MATERIAL, &REGION, &CORE, &HINGE, &BIND, &SUPPORT,
-    &LOAD, &JOINT, &TOOL, &COUPLING, &DRIVE, &HAPTICS, &HAND, &HAPLY, &PROBE, &SKELETON, &BONE,
+    &LOAD, &JOINT, &TOOL, &TOOLS, &COUPLING, &DRIVE, &HAPTICS, &HAND, &HAPLY, &PROBE, &SKELETON, &BONE,
 ];
 
 /// The root of a scene file.
@@ -65,7 +65,7 @@ pub const ROOT: TableKeys = TableKeys {
         key("solver", "table", "(its defaults)", "The linear solver."),
         key("contact", "table", "(its defaults)", "The contact law and how contact is found."),
         key("body", "array of tables", "(no bodies)", "The bodies: soft ones, rigid ones and planes."),
-        key("tool", "table", "(no tool)", "What the haptic device leads."),
+        key("tool", "table, or array of tables", "(no tool)", "What the haptic device leads, or several devices."),
         key(
             "coupling",
             "table",
@@ -271,7 +271,8 @@ pub const BODY: TableKeys = TableKeys {
             "collides",
             "array of names",
             "(every other body and the tool)",
-            "Bodies that this one may touch; `\"tool\"` names the tool.",
+            "Bodies that this one may touch; `\"tool\"` names the tool. Two tools of `[[tool]]` touch only if one of them \
+             has this key.",
         ),
         key(
             "core",
@@ -333,11 +334,11 @@ pub const MODEL: TableKeys = TableKeys {
     heading: "surface = { model = .. }",
     meaning: "A surface that the program generates.",
     keys: &[
-        key("model", "`\"head\"`, `\"gear\"`, `\"human\"` or `\"pumpkin\"`", REQUIRED, "Which surface."),
+        key("model", "`\"head\"`, `\"gear\"`, `\"human\"`, `\"pumpkin\"` or `\"sphere\"`", REQUIRED, "Which surface."),
         key(
             "vertices",
-            "500 (gear and human: 2000) to 400000",
-            "(head 44000, gear 29000, human 13000, pumpkin 30000)",
+            "500 (gear and human: 2000, sphere: 100) to 400000",
+            "(head 44000, gear 29000, human 13000, pumpkin 30000, sphere 2500)",
             "Number of vertices, which the surface has exactly.",
         ),
     ],
@@ -595,6 +596,25 @@ pub const TOOL: TableKeys = TableKeys {
         key("units", "`\"m\"`, `\"cm\"`, `\"mm\"` or `\"in\"`", "(metres)", "Unit of the file's coordinates."),
         key("scale", "> 0", "1.0", "Uniform scale of the file's coordinates, besides `units`."),
         key("repair", "true or false", "true", "Whether a faulty surface file is repaired; otherwise it is refused."),
+    ],
+};
+
+/// Keys of `[[tool]]`.
+pub const TOOLS: TableKeys = TableKeys {
+    heading: "[[tool]]",
+    meaning: "Several tools, four at most, each led by a haptic device of its own. Each is a body of the scene, and has its \
+              own coupling and trajectory in place of `[coupling]` and `[drive]`. In a session with a haptic device, that \
+              device leads the first tool, and the others follow their trajectories.",
+    keys: &[
+        key(
+            "name",
+            "a name",
+            REQUIRED,
+            "Name of the tool; the trace's columns of all but the first tool begin with it.",
+        ),
+        key("body", "a name", REQUIRED, "A body of the scene, held by its first core, which must be dynamic."),
+        key("coupling", "table, as `[coupling]`", "(nothing holds the tool)", "The virtual coupling of this tool."),
+        key("drive", "table, as `[drive]`", "(the device rests where the tool starts)", "Trajectory of its device."),
     ],
 };
 

@@ -472,6 +472,48 @@ fn a_held_body_has_a_dynamic_core_and_no_keys_of_its_own() {
 }
 
 #[test]
+fn several_tools_are_bodies_with_couplings_and_trajectories_of_their_own() {
+    let folder = Folder::new();
+    let body =
+        |name: &str| format!("[[body]]\nname = \"{name}\"\nsurface = \"head.obj\"\nmotion = \"dynamic\"\nmass = 0.1\n");
+    let bodies = ["a", "b", "c", "d", "e"].map(body).concat();
+    let tool = |name: &str, body: &str, more: &str| format!("[[tool]]\nname = \"{name}\"\nbody = \"{body}\"\n{more}\n");
+    let led = "coupling = { stiffness = 500, damping = 5 }\ndrive = { keys = [[0, 0, 0, 0], [0.7, 0, 0, 1]] }";
+    let both = bodies.clone() + &tool("left", "b", led) + &tool("right", "a", "");
+    let scene = folder.load(&both).unwrap();
+    let [right] = &scene.further_tools[..] else { panic!("{} tools after the first", scene.further_tools.len()) };
+    assert_eq!((scene.tool.as_ref().unwrap().name.as_str(), scene.tool_body_index()), ("left", Some(1)));
+    assert_eq!((right.name.as_str(), right.body.as_str(), right.coupling), ("right", "a", None));
+    assert_eq!((scene.coupling.unwrap().stiffness, scene.trajectory.len(), scene.duration()), (500.0, 2, 0.7));
+    let swapped = folder.load(&(bodies.clone() + &tool("right", "a", "") + &tool("left", "b", led))).unwrap();
+    assert!(swapped.coupling.is_none() && swapped.further_tools[0].coupling.unwrap().damping == 5.0);
+    assert_eq!(swapped.duration(), 0.7);
+    // A single tool takes the place of several.
+    let mut builder = SceneBuilder::of(scene);
+    builder.toml("[tool]\nsphere = 0.01\nmass = 0.1").unwrap();
+    assert!(builder.scene().further_tools.is_empty());
+    let left = tool("left", "b", "");
+    for (text, words) in [
+        (tool("left", "b", "") + &tool("left", "a", ""), "`tool.left.name`: \"left\" is taken by another tool"),
+        (left.clone() + &tool("right", "b", ""), "`tool[1].body`: \"b\" is another tool already"),
+        (left.clone() + &tool("right", "f", ""), "`tool[1].body`: there is no body \"f\""),
+        (left.clone() + &tool("right", "a", "sphere = 0.1"), "unknown key `tool[1].sphere`"),
+        (left.clone() + "[[tool]]\nbody = \"a\"", "`tool[1].name`: missing"),
+        (left.clone() + &tool("right", "a", "coupling = { stiffness = 1 }"), "`tool.right.coupling.damping`: missing"),
+        (left.clone() + "[coupling]\nstiffness = 1\ndamping = 1", "`coupling`: has no meaning beside [[tool]]"),
+        (left.clone() + "[drive]\nkeys = [[0, 0, 0, 0]]", "`drive`: has no meaning beside [[tool]]"),
+        (["a", "b", "c", "d", "e"].map(|name| tool(name, name, "")).concat(), "`tool`: has 5 tools; give 1 to 4"),
+    ] {
+        let message = folder.message(&(bodies.clone() + &text));
+        assert!(message.contains(words), "the tools\n{text}\ngive the error: {message}");
+    }
+    let message = folder.message(&format!("tool = []\n{bodies}"));
+    assert!(message.contains("`tool`: has 0 tools; give 1 to 4"), "{message}");
+    let message = folder.message(&(bodies.replacen("motion = \"dynamic\"\nmass = 0.1", "", 1) + &both[bodies.len()..]));
+    assert!(message.contains("`tool[1].body`: the first core of \"a\""), "{message}");
+}
+
+#[test]
 fn a_preset_decides_what_the_file_leaves_open() {
     let body = "[[body]]\nname = \"floor\"\nplane = [0.0, 1.0, 0.0, 0.0]\n";
     let of = |text: &str| Scene::parse(std::path::Path::new("s.toml"), &format!("{text}\n{body}"));

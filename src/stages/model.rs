@@ -25,6 +25,7 @@ use super::mean_dilatation::Patches;
 use super::supports::Held;
 use crate::prepare::patch::MOST_NODES;
 use crate::prepare::{Body, Embedding, FrameMotion, Layer, Shape, Skin};
+use crate::scene::check::MOST_TOOLS;
 use crate::scene::{Operator, Samples, Scene, Sides};
 use crate::shaders::{Chunk, ElasticMaterial, NONE, Pair, PairProxy, Proxy};
 use crate::stages::PAIR_PATCHES;
@@ -33,6 +34,8 @@ use crate::stages::PAIR_PATCHES;
 /// per work item, and that many chunks have up to four million vertices. More work items raise the flag
 /// `PATCH_OVERFLOW`.
 const MAX_WORK_ITEMS: usize = (1 << 16) - 1;
+
+const _: () = assert!(MOST_TOOLS == shaders::MOST_TOOLS as usize);
 
 /// A rigid coordinate frame of a body, as placed in the scene.
 #[derive(Debug, Clone)]
@@ -144,8 +147,8 @@ pub struct Model {
     pub tool_sphere: Option<f64>,
     /// Radius of the ball about a rigid tool's centre that contains the whole tool, m.
     pub tool_radius: f64,
-    /// The dynamic core that the haptic device is coupled to, where the tool is a body of the scene.
-    pub tool_core: Option<usize>,
+    /// The dynamic cores that haptic devices are coupled to, tool by tool, where the tools are bodies of the scene.
+    pub tool_cores: Vec<usize>,
     /// The soft bodies.
     pub soft: Vec<SoftRange>,
 
@@ -261,8 +264,8 @@ impl Model {
             && model.patches.count() == 0
             && model.node_rest.len() <= shaders::ROW_NODES as usize;
         model.tool_sphere = scene.tool.as_ref().and_then(|tool| tool.shape.radius());
-        let tool_core_frame = scene.tool_body_index().map(|body| model.body_frames[body] as usize);
-        model.tool_core = model.cores.iter().position(|core| Some(core.frame) == tool_core_frame);
+        let core_of = |body: usize| model.cores.iter().position(|core| core.frame == model.body_frames[body] as usize);
+        model.tool_cores = scene.tool_bodies().map(core_of).collect::<Option<_>>().unwrap_or_default();
         model.add_pairs(scene, &all, tool.is_some(), &proxy_ranges);
         model.tool_radius = gap::tool_radius(&model);
         model
@@ -274,7 +277,7 @@ impl Model {
         let (mut model, proxy_ranges) = Model::of_bodies(&all, all.len());
         // No force is computed from this pair, so its contact law has no effect.
         let law = Law { stiffness: 1.0, damping: 0.0, softer: None, stiffens_tips: [false; 2] };
-        model.add_pair(&all, (0, 1), all.len(), &proxy_ranges, law, (Sides::Both, Samples::Vertices));
+        model.add_pair(&all, (0, 1), &[], &proxy_ranges, law, (Sides::Both, Samples::Vertices));
         model.add_pair_proxies();
         model
     }
@@ -389,6 +392,16 @@ impl Model {
     /// Whether a node is attached to a dynamic core.
     pub fn is_attached(&self, node: usize) -> bool {
         self.node_info[node][3] == shaders::NODE_ATTACHED
+    }
+
+    /// The dynamic core that the first haptic device is coupled to, where the tool is a body of the scene.
+    pub fn tool_core(&self) -> Option<usize> {
+        self.tool_cores.first().copied()
+    }
+
+    /// Number of tools.
+    pub fn tool_count(&self) -> usize {
+        self.tool_cores.len() + usize::from(self.tool_frame.is_some())
     }
 
     /// Number of rigid bodies among the unknowns: dynamic cores and the tool.

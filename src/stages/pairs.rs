@@ -15,16 +15,18 @@ use crate::stages::{CHUNK_TRIANGLES, CHUNK_VERTICES};
 
 impl Model {
     /// Adds every pair of bodies that may touch: each lists the other as one to collide with, or has no such list, and
-    /// at least one of them can move. The tool's own body, if there is one, is the last of `all`; `ranges`: the proxies
-    /// of each body.
+    /// at least one of them can move. Of two tools that are bodies, one must list the other. The tool's own body, if there
+    /// is one, is the last of `all`; `ranges`: the proxies of each body.
     pub(super) fn add_pairs(&mut self, scene: &Scene, all: &[&Body], has_tool: bool, ranges: &[Range<usize>]) {
         let tool = if has_tool { all.len() - 1 } else { all.len() };
+        // Whether body i lists body j; `None` where it has no list.
         let listed = |i: usize, j: usize| {
             let name = if j == tool { "tool" } else { all[j].name.as_str() };
-            let list = scene.bodies.get(i).and_then(|body| body.collides.as_ref());
-            list.is_none_or(|names| names.iter().any(|n| n == name))
+            let list = scene.bodies.get(i).and_then(|body| body.collides.as_ref())?;
+            Some(list.iter().any(|n| n == name))
         };
-        let held = scene.tool_body_index().unwrap_or(tool);
+        let mut tools: Vec<usize> = scene.tool_bodies().collect();
+        tools.extend(has_tool.then_some(tool));
         let moves = |i: usize| match &all[i].shape {
             Shape::Soft { .. } | Shape::Rigid { motion: FrameMotion::Dynamic { .. }, .. } => true,
             _ => i == tool,
@@ -33,12 +35,17 @@ impl Model {
         let yieldings: Vec<Option<Yielding>> = all.iter().map(|body| Yielding::of(body)).collect();
         for i in 0..all.len() {
             for j in i + 1..all.len() {
-                if !(listed(i, j) && listed(j, i)) || !(moves(i) || moves(j)) {
+                let are_tools = tools.contains(&i) && tools.contains(&j);
+                let may_touch = match (listed(i, j), listed(j, i)) {
+                    (None, None) => !are_tools,
+                    (one, other) => one != Some(false) && other != Some(false),
+                };
+                if !may_touch || !(moves(i) || moves(j)) {
                     continue;
                 }
                 let (a, b) = if is_plane(i) { (j, i) } else { (i, j) };
                 let law = contact_law::parameters(scene, [yieldings[a], yieldings[b]], &yieldings);
-                self.add_pair(all, (a, b), held, ranges, law, (scene.contact.sides, scene.contact.samples));
+                self.add_pair(all, (a, b), &tools, ranges, law, (scene.contact.sides, scene.contact.samples));
             }
         }
         self.stiffen_tips(all);
@@ -92,13 +99,12 @@ impl Model {
         (self.fan_first, self.fans) = (first, fans);
     }
 
-    /// Adds the pair of the bodies a and b. `held`: index of the tool's own body, or of the body that the haptic device
-    /// is coupled to.
+    /// Adds the pair of the bodies a and b. `tools`: indices of the bodies that are tools, the tool's own body among them.
     pub(super) fn add_pair(
         &mut self,
         all: &[&Body],
         (a, b): (usize, usize),
-        held: usize,
+        tools: &[usize],
         ranges: &[Range<usize>],
         law: Law,
         (sides, samples): (Sides, Samples),
@@ -122,6 +128,7 @@ impl Model {
             Shape::Rigid { motion: FrameMotion::Kinematic(_), .. } => self.body_frames[index],
             _ => NONE,
         };
+        let tool = |index: usize| tools.iter().position(|&tool| tool == index).map_or(NONE, |at| at as u32);
         self.pairs.push(Pair {
             first_proxy_pair,
             proxy_pair_count: self.proxy_pairs.len() as u32 - first_proxy_pair,
@@ -131,7 +138,8 @@ impl Model {
             first_pair_proxy: [0; 2],
             stiffness: law.stiffness as f32,
             damping: law.damping as f32,
-            tool_sign: if a == held { 1.0 } else { -f32::from(u8::from(b == held)) },
+            tool_sign: if tools.contains(&a) { 1.0 } else { -f32::from(u8::from(tools.contains(&b))) },
+            tools: [tool(a), tool(b)],
             is_plane: u32::from(plane.is_some()),
             kinematic_frame: [kinematic_frame(a), kinematic_frame(b)],
             lone_side,

@@ -215,7 +215,8 @@ impl Solve {
         let supported = ("SUPPORTS", Const::Bool(is_supported));
         let friction = ("FRICTION", Const::Bool(model.friction[0] > 0.0));
         let tool = ("TOOL", Const::Bool(has_tool));
-        let held = ("TOOL_CORE", Const::Uint(model.tool_core.map_or(shaders::NONE, |core| core as u32)));
+        let held = ("HELD", count(model.tool_cores.len()));
+        let tools = ("TOOLS", count(model.tool_count().max(1)));
         let coarse = ("COARSE", Const::Bool(is_coarse));
         let blocks = ("BLOCKS", count(block_count));
         let partials = ("PARTIALS", count(groups));
@@ -333,7 +334,17 @@ impl Solve {
             )?,
             conclude: reduce(
                 "solve/conclude",
-                &[nodes_c, contact, tool, coarse, blocks, rigids, group, ("SKIN_PARTS", count(gap::part_count(model)))],
+                &[
+                    nodes_c,
+                    contact,
+                    tool,
+                    tools,
+                    coarse,
+                    blocks,
+                    rigids,
+                    group,
+                    ("SKIN_PARTS", count(gap::part_count(model))),
+                ],
             )?,
             commit: Kernel::new(
                 context,

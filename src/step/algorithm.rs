@@ -133,7 +133,7 @@ fn end(stages: &Stages, blank: Blank) -> Result<Recording> {
     let mut end = blank()?;
     solve.record_end(&mut end, common, elastic);
     if let (Some(wrench), Some(touch)) = (wrench, touch) {
-        wrench.record(&mut end, common, &touch.contact.touch);
+        wrench.record(&mut end, common, &touch.contact.touch, &touch.cull.pairs);
     }
     if let Some(floating) = floating {
         floating.record(&mut end, common, elastic);
@@ -165,7 +165,7 @@ impl Simulation {
     /// otherwise.
     pub(super) fn advance_in_parts(&mut self, from: f64, h: f64) -> Result<Report> {
         self.last_parts = 1;
-        let (Some(passing), Some(tool), None) = (&self.passing, &self.tool, self.model.tool_core) else {
+        let (Some(passing), Some(tool), None) = (&self.passing, &self.tool, self.model.tool_core()) else {
             return self.advance(from, h, MOST_HALVINGS);
         };
         let device = self.trajectory.device(from + h, h);
@@ -209,13 +209,13 @@ impl Simulation {
         let device = self.trajectory.device(from + h, h);
         self.frames.set_out(from + h, h, self.tool.as_ref());
         self.step_origin = self.origin();
-        self.write_inputs(h, &device)?;
+        self.write_inputs(from + h, h, &device)?;
         if let Some(loads) = &self.stages.solve.loads {
             loads.write(&self.model, from + h)?;
         }
         let mut report = self.submit()?;
         if report.verdict != shaders::VERDICT_FAILED {
-            if let (Some(tool), None) = (&mut self.tool, self.model.tool_core) {
+            if let (Some(tool), None) = (&mut self.tool, self.model.tool_core()) {
                 tool.advance(h, report.tool_change.map(f64::from));
             }
             let newton = self.scene.step.newton;
@@ -343,9 +343,10 @@ impl Simulation {
         let has_cores = accepted && !self.model.cores.is_empty();
         let changes = has_cores.then(|| self.stages.solve.core_changes.mapped::<[f32; 6]>()).transpose()?;
         self.frames.arrive(h, fits.as_deref().unwrap_or_default(), changes.as_deref().unwrap_or_default());
-        if let (Some(tool), Some(core)) = (&mut self.tool, self.model.tool_core) {
+        if let (Some(tool), Some(core)) = (&mut self.tool, self.model.tool_core()) {
             tools::follow(tool, &self.frames, self.model.cores[core].frame);
         }
+        self.further_tools.iter_mut().for_each(|tool| tool.follow(&self.model, &self.frames));
         Ok(())
     }
 }

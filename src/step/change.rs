@@ -90,7 +90,8 @@ impl Simulation {
         self.take_up(scene, self.bodies.clone())
     }
 
-    /// Sets the virtual coupling between haptic device and tool from the next step on; `None` removes it.
+    /// Sets the virtual coupling between haptic device and tool (of several tools the first) from the next step on; `None`
+    /// removes it.
     pub fn set_coupling(&mut self, coupling: Option<Coupling>) -> Result<()> {
         let Some(tool) = &mut self.tool else { return Err(Error::Usage("the scene has no tool to couple".into())) };
         if let Some(coupling) = &coupling {

@@ -13,6 +13,7 @@ use super::frames::Frames;
 use super::passing::Passing;
 use super::probes::{ProbePlace, probes_of};
 use super::stage_set::Stages;
+use super::tools::HeldTool;
 use super::{Simulation, StepWork, TIMED_EVERY, Timing, tools};
 use crate::gpu::{Context, Level, Options, Recorder, Threads};
 use crate::plan::Plan;
@@ -50,6 +51,7 @@ struct Prepared {
     model: Model,
     frames: Frames,
     tool: Option<Tool>,
+    further_tools: Vec<HeldTool>,
     probes: Vec<ProbePlace>,
     probe_nodes: Vec<[u32; 4]>,
 }
@@ -130,12 +132,13 @@ impl Prepared {
         let model = Model::new(scene, &bodies, tool_body.as_ref());
         let frames = Frames::new(&model, |frame| velocity_of(&bodies, &model, frame));
         let tool = tools::tool_of(scene, tool_body.as_ref(), &model, &frames)?;
+        let further_tools = HeldTool::all_of(scene, &model, &frames)?;
         let (probes, probe_nodes) = probes_of(scene, &bodies, &model)?;
-        Ok(Prepared { bodies, tool_body, model, frames, tool, probes, probe_nodes })
+        Ok(Prepared { bodies, tool_body, model, frames, tool, further_tools, probes, probe_nodes })
     }
 
     fn record(self, scene: &Scene, context: &Arc<Context>) -> Result<Simulation> {
-        let Prepared { bodies, tool_body, model, frames, tool, probes, probe_nodes } = self;
+        let Prepared { bodies, tool_body, model, frames, tool, further_tools, probes, probe_nodes } = self;
         let arrays = ArrayChoice::new(context)?;
         let choice = if model.needs_depth() { Some(Choice::new(context, scene.contact.depth)?) } else { None };
         let path = choice.as_ref().map(|choice| choice.path);
@@ -168,6 +171,7 @@ impl Prepared {
             timing,
             timed,
             tool,
+            further_tools,
             frames,
             probes,
             plan,

@@ -14,8 +14,10 @@ pub struct StepReport {
     pub step: u64,
     /// Time at the end of the step, s.
     pub time: f64,
-    /// State of the tool, and the wrench on it, if the scene has a tool.
+    /// State of the tool, and the wrench on it, if the scene has a tool; of several tools the first.
     pub tool: Option<ToolReport>,
+    /// The tools after the first, in the scene's order.
+    pub further_tools: Vec<ToolReport>,
     /// Number of contacts, which are vertices of a skin (surface mesh) inside another body; `None` where nothing can
     /// collide.
     pub contacts: Option<u32>,

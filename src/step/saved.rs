@@ -15,7 +15,7 @@ use crate::step::{ContactWrench, RigidState};
 use crate::{Error, Result};
 
 /// The first bytes of a saved state, with the version of its format.
-const MARK: [u8; 8] = *b"palpate7";
+const MARK: [u8; 8] = *b"palpate8";
 
 /// The state of a simulation: everything that moves.
 #[derive(Serialize, Deserialize)]
@@ -27,6 +27,8 @@ struct State {
     has_weight: bool,
     tool: Option<RigidState>,
     trajectory: Trajectory,
+    /// The trajectories of the tools after the first.
+    further_trajectories: Vec<Trajectory>,
     frames: Vec<SavedFrame>,
     wrench: Option<ContactWrench>,
     iterations: u32,
@@ -45,6 +47,7 @@ impl Simulation {
             has_weight: self.has_weight,
             tool: self.tool.as_ref().map(|tool| tool.state()),
             trajectory: self.trajectory.clone(),
+            further_trajectories: self.further_tools.iter().map(|tool| tool.trajectory.clone()).collect(),
             frames: self.frames.saved(),
             wrench: self.last_wrench,
             iterations: self.last_iterations,
@@ -73,7 +76,10 @@ impl Simulation {
             return Err(wrong("belongs to other bodies"));
         }
         let frames = state.frames.len() == self.model.frames.len() && state.frames.iter().all(SavedFrame::is_whole);
-        if !frames || !state.trajectory.is_whole() || state.tool.is_some() != self.tool.is_some() {
+        let further = &state.further_trajectories;
+        let trajectories = state.trajectory.is_whole() && further.iter().all(Trajectory::is_whole);
+        let tools = state.tool.is_some() == self.tool.is_some() && further.len() == self.further_tools.len();
+        if !frames || !trajectories || !tools {
             return Err(wrong("is damaged"));
         }
         write_all(&self.context, &self.stages.state(), &state.arrays)?;
@@ -84,6 +90,10 @@ impl Simulation {
         }
         self.trajectory = state.trajectory;
         self.frames.restore(&state.frames);
+        for (tool, trajectory) in self.further_tools.iter_mut().zip(state.further_trajectories) {
+            tool.trajectory = trajectory;
+            tool.follow(&self.model, &self.frames);
+        }
         self.tool_end = None;
         self.last_reactions.clear();
         (self.last_wrench, self.last_iterations) = (state.wrench, state.iterations);
@@ -109,8 +119,9 @@ impl Simulation {
         hash.update(bytemuck::cast_slice(&model.proxy_pairs));
         let tested: Vec<u32> = model.pairs.iter().flat_map(|pair| [pair.lone_side, pair.by_triangles]).collect();
         hash.update(bytemuck::cast_slice(&tested));
-        let counts = [model.frames.len(), model.cores.len(), usize::from(self.tool.is_some())].map(|n| n as u64);
-        hash.update(bytemuck::cast_slice(&counts));
+        let counts = [model.frames.len(), model.cores.len(), usize::from(self.tool.is_some())];
+        let held = counts.into_iter().chain(model.tool_cores.iter().copied()).map(|n| n as u64);
+        hash.update(bytemuck::cast_slice(&held.collect::<Vec<u64>>()));
         let sizes: Vec<u64> = self.stages.state().iter().map(|array| array.bytes()).collect();
         hash.update(bytemuck::cast_slice(&sizes));
         hash.finalize().into()

@@ -36,7 +36,7 @@ impl Stages {
         let common = Common::new(context, model)?;
         let touch = if model.pairs.is_empty() { None } else { Some(TouchStages::new(context, model, path, true)?) };
         let solve = Solve::new(context, model, touch.as_ref().map(|t| &t.contact.touch))?;
-        let held = model.tool_frame.or(model.tool_core);
+        let held = model.tool_frame.or(model.tool_core());
         let wrench = if held.is_some() && touch.is_some() { Some(Wrench::new(context, model)?) } else { None };
         let gap = if touch.is_some() { Gap::new(context, model)? } else { None };
         let probes = if probe_nodes.is_empty() { None } else { Some(Probes::new(context, probe_nodes)?) };

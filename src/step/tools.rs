@@ -1,16 +1,17 @@
-//! Makes the tool (what the haptic device leads) of a scene. The tool is either a rigid body of its own, or the held
-//! core. A core is a rigid body inside a soft body, to which nodes are attached; the held core is the core to which the
-//! haptic device is coupled.
+//! Makes the tools (what haptic devices lead) of a scene. A single tool is either a rigid body of its own, or a held
+//! core; of several tools each is a held core. A core is a rigid body inside a soft body, to which nodes are attached, or
+//! a dynamic rigid body itself; a held core is one to which a haptic device is coupled.
 
 use glam::{DMat3, DQuat, DVec3};
 
 use super::frames::Frames;
 use crate::prepare::{Body, Shape};
-use crate::scene::Scene;
-use crate::shaders::Report;
+use crate::scene::{self, Coupling, Key, Scene};
+use crate::shaders::{HeldCore, Report};
 use crate::stages::model::Model;
 use crate::step::tool::Tool;
-use crate::step::{ContactWrench, FARTHER, Flags, Wrench};
+use crate::step::trajectory::Trajectory;
+use crate::step::{ContactWrench, FARTHER, Flags, Pose, RigidState, ToolReport, Wrench};
 use crate::{Error, Result};
 
 /// The tool in its state at the start of the scene. `body` is the prepared rigid body of the tool, if it has one of its
@@ -22,7 +23,80 @@ pub(super) fn tool_of(scene: &Scene, body: Option<&Body>, model: &Model, frames:
         || Error::key(&scene.file, "tool.body", problem, "make it \"dynamic\": the haptic device is coupled to it");
     match body {
         Some(body) => Ok(Some(rigid(scene, spec.mass, body))),
-        None => Ok(Some(held(scene, model, model.tool_core.ok_or_else(missing)?, frames))),
+        None => Ok(Some(held(scene.coupling, model, model.tool_core().ok_or_else(missing)?, frames))),
+    }
+}
+
+/// A tool after the first of several, each of which is a held core.
+#[derive(Debug, Clone)]
+pub struct HeldTool {
+    /// The held core as a tool.
+    pub tool: Tool,
+    /// Index of the core among the dynamic cores.
+    core: usize,
+    /// Where its haptic device goes.
+    pub trajectory: Trajectory,
+}
+
+impl HeldTool {
+    /// The tools of a scene after the first, in their states at the start.
+    pub fn all_of(scene: &Scene, model: &Model, frames: &Frames) -> Result<Vec<HeldTool>> {
+        let missing = |name: &str| {
+            let key = format!("tool.{name}.body");
+            Error::key(&scene.file, key, "the body's first core is not dynamic", "make it \"dynamic\"")
+        };
+        let make = |(k, spec): (usize, &scene::FurtherTool)| {
+            let core = *model.tool_cores.get(k + 1).ok_or_else(|| missing(&spec.name))?;
+            let tool = held(spec.coupling, model, core, frames);
+            let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
+            Ok(HeldTool { tool, core, trajectory: Trajectory::new(&spec.trajectory, start) })
+        };
+        scene.further_tools.iter().enumerate().map(make).collect()
+    }
+
+    /// Sets pose and twist to those of the held core.
+    pub fn follow(&mut self, model: &Model, frames: &Frames) {
+        follow(&mut self.tool, frames, model.cores[self.core].frame);
+    }
+
+    /// What the solver reads in a step of `h` seconds that ends at `time`, s; `origin`: world position to which positions
+    /// on the GPU are relative, m.
+    pub fn held_core(&self, time: f64, h: f64, origin: DVec3) -> HeldCore {
+        let device = self.trajectory.device(time, h);
+        held_core(&self.tool, self.core, &device, DVec3::ZERO, h, origin)
+    }
+
+    /// The tool at the end of a step of `h` seconds that ended at `time`, s, with the forces that the GPU reports for the
+    /// tool of this index among the further ones.
+    pub fn report(&self, time: f64, h: f64, report: &Report, index: usize) -> ToolReport {
+        let device = self.trajectory.device(time, h);
+        let force = &report.further[index];
+        ToolReport {
+            tool: Pose { position: self.tool.centre, orientation: self.tool.orientation },
+            device: Pose { position: device.position, orientation: device.orientation },
+            force: DVec3::from(force.force.map(f64::from)),
+            torque: DVec3::from(force.torque.map(f64::from)),
+        }
+    }
+}
+
+/// What the solver reads of a held core in a step of `h` seconds: the rows of its virtual coupling to the haptic device,
+/// whose hand carries the impulse of weight `carried`, N s.
+pub(super) fn held_core(
+    tool: &Tool,
+    core: usize,
+    device: &RigidState,
+    carried: DVec3,
+    h: f64,
+    origin: DVec3,
+) -> HeldCore {
+    let mut rows = tool.coupling_rows(h, device);
+    (0..3).for_each(|k| rows.rhs[k] -= carried[k]);
+    HeldCore {
+        core: core as u32,
+        matrix: std::array::from_fn(|k| rows.matrix[k / 6][k % 6] as f32),
+        rhs: rows.rhs.map(|x| x as f32),
+        centre: (tool.centre - origin).as_vec3().to_array(),
     }
 }
 
@@ -44,12 +118,12 @@ fn rigid(scene: &Scene, mass: f64, body: &Body) -> Tool {
 }
 
 /// The held core as a tool; its mass and inertia are those of the nodes attached to the core.
-fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
+fn held(coupling: Option<Coupling>, model: &Model, core: usize, frames: &Frames) -> Tool {
     let core = &model.cores[core];
     let mut tool = Tool {
         mass: core.nodes.iter().map(|n| f64::from(model.node_rest[*n as usize][3])).sum(),
         inertia: model.inertia_of(core),
-        coupling: scene.coupling,
+        coupling,
         centre: DVec3::ZERO,
         orientation: DQuat::IDENTITY,
         velocity: DVec3::ZERO,
@@ -61,7 +135,7 @@ fn held(scene: &Scene, model: &Model, core: usize, frames: &Frames) -> Tool {
 
 /// Mass of the whole soft body that the held core is part of, kg; 0 where no core is held.
 pub(super) fn tool_core_mass(model: &Model) -> f64 {
-    let Some(core) = model.tool_core.map(|core| &model.cores[core]) else { return 0.0 };
+    let Some(core) = model.tool_core().map(|core| &model.cores[core]) else { return 0.0 };
     let mass = |node: usize| f64::from(model.node_rest[node][3]);
     let holds = |nodes: &std::ops::Range<usize>| core.nodes.iter().any(|n| nodes.contains(&(*n as usize)));
     match model.soft.iter().find(|soft| holds(&soft.nodes)) {

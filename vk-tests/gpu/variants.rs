@@ -47,10 +47,12 @@ fn a_feature_that_a_variant_lacks_takes_its_buffers_with_it() {
     let [assembled, free] = [true, false].map(|assembled| buffers("solve/gather", &flag("ASSEMBLED", assembled)));
     assert!(assembled.difference(&free).eq(["stiffness_blocks"]), "{assembled:?}");
     assert!(free.difference(&assembled).eq(["element_forces", "node_elements"]), "{free:?}");
-    // `TOOL_CORE` is the index of the rigid core (rigid body inside a soft one) that the haptic device leads as its
-    // tool, through a spring and damper (virtual coupling), or `NONE`.
-    let held = more("solve/assemble", &[("TOOL_CORE", Const::Uint(0))], &[("TOOL_CORE", Const::Uint(shaders::NONE))]);
+    // `HELD` is the number of rigid cores (rigid bodies inside soft ones) that haptic devices lead as tools, through
+    // springs and dampers (virtual couplings).
+    let held = more("solve/assemble", &[("HELD", Const::Uint(1))], &[("HELD", Const::Uint(0))]);
     assert_eq!(held, Vec::<String>::new(), "buffers that only the variant with a led rigid core uses");
+    // The contacts of several tools are told apart by their pairs of bodies.
+    assert_eq!(more("wrench/reduce", &[("TOOLS", Const::Uint(2))], &[("TOOLS", Const::Uint(1))]), ["pairs"]);
     assert_clean(context(), "variants of kernels");
 }
 

@@ -3,8 +3,13 @@
 //! twin. The tool is the rigid body, or the core (rigid body inside a soft one), that the haptic device leads through a
 //! virtual coupling (spring and damper). A contact patch is a place with one normal where two bodies may touch.
 
+use std::collections::BTreeMap;
+
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Embedding, Shape, Skin};
+use palpate::internal::stages::PAIR_PATCHES;
+use palpate::internal::step::trajectory::Trajectory;
+use palpate::scene::Key;
 use palpate::{Flags, Scene, Simulation, StepReport};
 use palpate_oracle as oracle;
 use palpate_oracle::contact::{self, ContactLaw, Gathering, Support, Surface};
@@ -20,8 +25,8 @@ use crate::scene::whole_step::{open, relative_error, run, scene, soft_twin};
 const TIGHT: &str = "tolerance = 1e-6\nmax_iterations = 1000";
 
 /// The twin of a scene with one pair of bodies: two soft bodies, a soft body and the tool, a soft body and a
-/// half-space, or the tool and a half-space. The twin finds its contacts itself; it takes only the normal of the
-/// contact patch from the engine.
+/// half-space, or the tool and a half-space; or of a scene in which soft bodies that are tools touch one other soft body,
+/// the first. The twin finds its contacts itself; it takes only the normals of contact patches from the engine.
 pub struct Twin {
     pub oracle: oracle::step::Simulation,
     soft: Vec<(Skin, Vec<Embedding>)>,
@@ -33,7 +38,7 @@ pub struct Twin {
 
 impl Twin {
     fn new(scene: &Scene, simulation: &Simulation) -> Twin {
-        let (mut soft, mut plane, mut layers) = (vec![], None, vec![]);
+        let (mut soft, mut plane, mut layers, mut first_cores) = (vec![], None, vec![], BTreeMap::new());
         let mut oracle = oracle::step::Simulation::new(scene.step.dt, scene.step.gravity);
         oracle.newton = scene.step.newton as usize;
         for (index, body) in simulation.bodies().iter().enumerate() {
@@ -45,12 +50,18 @@ impl Twin {
                         let (core, orientation) = (oracle.cores.len(), body.orientation);
                         oracle.coupled = Some(CoupledCore { core, orientation, coupling });
                     }
+                    first_cores.insert(body.name.as_str(), (oracle.cores.len(), body.orientation));
                     oracle.cores.extend(twin_cores(simulation, index));
                     oracle.bodies.push(soft_twin(simulation, index));
                 }
                 Shape::Plane { normal, offset } => plane = Some((*normal, *offset)),
                 Shape::Rigid { .. } => panic!("{} is rigid, but this twin has no rigid bodies", body.name),
             }
+        }
+        for tool in &scene.further_tools {
+            let (core, orientation) = first_cores[tool.body.as_str()];
+            let held = CoupledCore { core, orientation, coupling: tool.coupling.unwrap() };
+            oracle.further.push((held, Default::default()));
         }
         for core in &oracle.cores {
             core.nodes.iter().for_each(|(b, n)| oracle.bodies[*b].velocity[*n as usize] = core.velocity);
@@ -78,9 +89,9 @@ impl Twin {
         Twin { oracle, soft, tool, plane, law, gathering }
     }
 
-    /// Finds the contacts (skin vertices inside the other body) in the twin's present state, with depths along
-    /// `normal`.
-    fn contacts(&self, normal: DVec3) -> Vec<contact::Contact> {
+    /// Finds the contacts (skin vertices inside the other body) in the twin's present state, with depths along `normals`,
+    /// one for each pair of the first body and another.
+    fn contacts(&self, normals: &[DVec3]) -> Vec<contact::Contact> {
         let soft = self.soft.iter().enumerate().map(|(i, (skin, e))| self.oracle.bodies[i].surface(i, skin, e));
         let tool = self.tool.iter().map(|skin| Surface {
             positions: skin.vertices.iter().map(|x| self.oracle.tool.as_ref().unwrap().place(*x)).collect(),
@@ -91,7 +102,12 @@ impl Twin {
         let all: Vec<Surface> = soft.chain(tool).collect();
         match self.plane {
             Some((normal, offset)) => contact::gather_plane(&all[0], normal, offset, &self.law),
-            None => self.gathering.contacts(normal, &all[0], &all[1], &self.law),
+            None => {
+                let of_pair =
+                    |(other, normal): (&Surface, &DVec3)| self.gathering.contacts(*normal, &all[0], other, &self.law);
+                assert_eq!(all.len() - 1, normals.len(), "surfaces beside the first, and normals");
+                all[1..].iter().zip(normals).flat_map(of_pair).collect()
+            }
         }
     }
 
@@ -120,7 +136,7 @@ fn momentum<'a>(bodies: impl Iterator<Item = &'a oracle::step::SoftBody>) -> (DV
 
 /// Linear momentum, kg m/s, and angular momentum about the origin, kg m^2/s, of the first `count` soft bodies, from
 /// their state on the GPU.
-fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
+pub fn device_momentum(simulation: &Simulation, count: usize) -> (DVec3, DVec3) {
     let bodies: Vec<_> = (0..count)
         .map(|index| {
             let mut body = soft_twin(simulation, index);
@@ -154,18 +170,24 @@ pub fn beside(
     for _ in 0..steps {
         let row = run(&mut simulation, 1).remove(0);
         assert_eq!(row.flags, Flags::default(), "flags of step {}", row.step);
-        let contact_patch = simulation.touch().unwrap().0[0];
-        let contacts = twin.contacts(DVec3::from(contact_patch.normal.map(f64::from)).normalize_or_zero());
-        let device = scene.coupling.map(|_| {
-            let device = palpate::internal::step::trajectory::Trajectory::new(&scene.trajectory, scene.trajectory[0])
-                .device(row.time, h);
+        let contact_patches = simulation.touch().unwrap().0;
+        let first_of_pairs = contact_patches.iter().step_by(PAIR_PATCHES);
+        let normals: Vec<DVec3> =
+            first_of_pairs.map(|patch| DVec3::from(patch.normal.map(f64::from)).normalize_or_zero()).collect();
+        let contacts = twin.contacts(&normals);
+        let device_of = |keys: &[Key]| {
+            let device = Trajectory::new(keys, keys[0]).device(row.time, h);
             tool::Device {
                 position: device.position,
                 orientation: device.orientation,
                 velocity: device.velocity,
                 angular_velocity: device.angular_velocity,
             }
-        });
+        };
+        let device = scene.coupling.map(|_| device_of(&scene.trajectory));
+        for ((_, device), tool) in twin.oracle.further.iter_mut().zip(&scene.further_tools) {
+            *device = device_of(&tool.trajectory);
+        }
         let report = twin.oracle.step(device.as_ref(), &contacts).unwrap();
         if let Some(tool) = row.tool {
             forces.0.push(tool.force);

@@ -23,5 +23,6 @@ pub mod saved;
 pub mod shipped;
 pub mod spheres;
 mod supports;
+mod tools;
 pub mod touch;
 pub mod whole_step;

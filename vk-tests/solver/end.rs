@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
 use palpate::internal::shaders::Contact;
 
-use super::passes::{Change, Passes, SKIN_PARTS, UNTOUCHED};
+use super::passes::{Change, Passes, SKIN_PARTS, TOOLS, UNTOUCHED};
 use crate::harness::random::Random;
 use crate::harness::{Tolerance, context, expect_close};
 use crate::solver::system::{System, layer, layered, material, triples, two_layers};
@@ -42,6 +42,7 @@ fn some_nodes() -> Passes {
     // These fields are written by wrench/reduce alone: solve/conclude must leave them.
     (passes.report.force, passes.report.torque, passes.report.friction) = ([7.0; 3], [7.0; 3], [7.0; 3]);
     passes.report.stiffness = [7.0; 21];
+    passes.report.further = [shaders::ToolForce { force: [7.0; 3], torque: [7.0; 3] }; 3];
     passes
 }
 
@@ -71,7 +72,7 @@ fn verdicts_by_hand() {
     assert_eq!((report.verdict, report.iterations, report.flags, report.contacts), (DONE, 17, DEPTH_LIMIT, 0));
     assert_eq!(passes.state.solution_dt, passes.system.params.dt);
     expect_close("residual", &[report.residual, report.residual_floor], &[0.05, 1.25e-4], ROUNDING);
-    assert_eq!(granted(&passes), [groups, 1]);
+    assert_eq!(granted(&passes), [groups, TOOLS]);
     assert_eq!((report.max_depth, report.force, report.stiffness), (0.0, [7.0; 3], [7.0; 21]));
     let written =
         [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH, shaders::ARGS_GAP].map(|coarse_index| 3 * coarse_index as usize);
@@ -94,7 +95,7 @@ fn verdicts_by_hand() {
     with_dots(&mut passes, &[[1.0, 0.0]]);
     passes.conclude();
     assert_eq!((passes.report.verdict, passes.report.flags), (DONE, NOT_CONVERGED));
-    assert_eq!(granted(&passes), [groups, 1]);
+    assert_eq!(granted(&passes), [groups, TOOLS]);
 
     // The solve converged at a residual of 0.02, which is above the tolerance: ten times as much is not too much.
     for (left, flags) in [(0.19f32, 0), (0.21, NOT_CONVERGED)] {
@@ -133,7 +134,7 @@ fn verdicts_by_hand() {
         passes.state.first_norm2 = first * first;
         passes.conclude();
         let report = passes.report;
-        assert_eq!((report.verdict, granted(&passes), report.flags), (DONE, [groups, 1], flags), "first {first}");
+        assert_eq!((report.verdict, granted(&passes), report.flags), (DONE, [groups, TOOLS], flags), "first {first}");
         expect_close("nonlinear residual", &[report.nonlinear_residual], &[0.4 / f64::from(first)], ROUNDING);
     }
     // Where nothing moves there is nothing to solve.
@@ -214,11 +215,14 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
             "verdict for status {status}, squared residual {residual2}, squared floor {floor2}"
         );
         let (groups, failed) = (70u32.div_ceil(context().group_size()), want == shaders::VERDICT_FAILED);
-        assert_eq!(granted(&passes), if failed { [0, 0] } else { [groups, 1] });
+        assert_eq!(granted(&passes), if failed { [0, 0] } else { [groups, TOOLS] });
         // A failed step applies no force.
         let kept = [if failed { 0.0 } else { 7.0 }; 3];
         let shaders::Report { force, torque, friction, .. } = passes.report;
         assert_eq!([force, torque, friction], [kept; 3]);
+        // So it is for each of TOOLS tools; what comes after them stays.
+        let further = passes.report.further.map(|tool| [tool.force, tool.torque]);
+        assert_eq!(further, [[kept; 2], [kept; 2], [[7.0; 3]; 2]]);
         let floor = (f64::from(floor2.max(1e-6)) / 64.0).sqrt();
         expect_close("floor", &[passes.report.residual_floor], &[floor], ROUNDING);
     }

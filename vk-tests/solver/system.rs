@@ -77,6 +77,7 @@ fn scene(dt: f32, preconditioner: Preconditioner) -> Scene {
         },
         bodies: vec![],
         tool: None,
+        further_tools: vec![],
         coupling: None,
         trajectory: vec![],
         haptics: scene::Haptics::default(),

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use palpate::internal::gpu::Size;
-use palpate::internal::shaders::{Contact, Report, StepParams};
+use palpate::internal::shaders::{Contact, Counts, NONE, Pair, Report, StepParams, ToolForce};
 use palpate_oracle::step::Resolved;
 use palpate_oracle::wrench;
 
@@ -132,6 +132,60 @@ fn friction_by_hand() {
     let report = reduce(&system, &[[impulse, 0.0, 0.0, 0.0]]);
     expect_close("force", &report.force, &[8.0, 0.0, 5.0], close);
     expect_close("torque", &report.torque, &[0.0, 4.0, 0.0], close);
+}
+
+#[test]
+fn each_of_several_tools_has_its_own_contacts() {
+    // wrench/reduce with three tools, pairs of bodies (a: tool 0, b: no tool), (a: no tool, b: tool 2) and (a: tool 2, b:
+    // tool 0). All contacts have a pressure of 10 N/m^2; arms lead from tool_centre, which is the centre of tool 0. Where
+    // the two tools touch, they slide along x: friction is 2 * 3 = 6 N.
+    let pair = |tools| Pair { tools, ..Pair::default() };
+    let pairs = [pair([0, NONE]), pair([NONE, 2]), pair([2, 0])];
+    let contact = |pair: u32, area: f32, tool_sign: f32, arm: [f32; 3]| Contact {
+        normal: [0.0, 0.0, 1.0],
+        area,
+        arm,
+        tool_sign,
+        depth: 0.5,
+        stiffness: 20.0,
+        side: 2 * pair,
+        ..Contact::default()
+    };
+    let contacts = [
+        contact(0, 0.1, 1.0, [0.0, 2.0, 0.0]),
+        contact(1, 0.2, -1.0, [3.0, 0.0, 0.0]),
+        Contact { friction: 2.0, slip: [3.0, 0.0, 0.0], ..contact(2, 0.4, 1.0, [0.0, 1.0, 1.0]) },
+    ];
+    let mut params = StepParams { dt: 1.0 / 128.0, tool_centre: [1.0, 0.0, 0.0], ..StepParams::default() };
+    for (held, x) in params.held.iter_mut().zip([1.0, 8.0, 2.0]) {
+        held.centre = [x, 0.0, 0.0];
+    }
+    let before = Report { further: [ToolForce { force: [7.0; 3], torque: [7.0; 3] }; 3], ..Report::default() };
+    let outcome = case("wrench/reduce")
+        .size(Size::Reduce)
+        .constant("FRICTION", true)
+        .constant("TOOLS", 3u32)
+        .input("params", &[params])
+        .input("counts", &[Counts { contacts: 3, ..Counts::default() }])
+        .input("contacts", &contacts)
+        .input("pairs", &pairs)
+        .input("contact_forces", &[[0.0f32; 4]; 3])
+        .partial("report", &[before])
+        .groups(3)
+        .run();
+    let report = outcome.get::<Report>("report")[0];
+    let rounding = Tolerance { abs: 1e-6, rel: 1e-6 };
+    // Tool 0 is pushed down by 1 N at arm (0, 2, 0), and up by 4 N and along x by 6 N at its own point, arm (0, 1, 1) less
+    // the depth of 0.5 along z.
+    expect_close("force on tool 0", &report.force, &[6.0, 0.0, 3.0], rounding);
+    expect_close("torque on tool 0", &report.torque, &[-2.0 + 4.0, 6.0 * 0.5, -6.0], rounding);
+    expect_close("pressing on tool 0", &[report.pressing], &[5.0], rounding);
+    // Tool 1 touches nothing. Tool 2, whose centre is 1 m further along x, is pushed up by 2 N at arm (2, 0, 0), and down
+    // by 4 N and against x by 6 N at arm (-1, 1, 1).
+    assert_eq!(report.further[0], ToolForce::default());
+    expect_close("force on tool 2", &report.further[1].force, &[-6.0, 0.0, -2.0], rounding);
+    expect_close("torque on tool 2", &report.further[1].torque, &[-4.0, -4.0 - 4.0 - 6.0, 6.0], rounding);
+    assert_eq!(report.further[2], before.further[2]);
 }
 
 #[test]

@@ -149,7 +149,7 @@ pub unsafe extern "C" fn palpate_scene_add_body(
 /// Sets the bodies with which the body at position `body` in the scene collides: `names` are `count` names of bodies of
 /// the scene, with "tool" for the tool. If `names` is null, the body collides with every other body, which is the
 /// default. Two bodies collide if each of them has the other in its list or has no list; with an empty list (`count` 0,
-/// `names` not null) a body collides with nothing.
+/// `names` not null) a body collides with nothing. Two tools that are bodies collide only if one of them has a list.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_set_collides(
     scene: *mut palpate_scene,
@@ -171,7 +171,7 @@ pub unsafe extern "C" fn palpate_scene_set_collides(
 }
 
 /// Sets the scene's tool, and the virtual coupling (spring and damper) between haptic device and tool. Both replace
-/// those that the scene has.
+/// those that the scene has; of several tools (`[[tool]]`) all are removed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_scene_set_tool(
     scene: *mut palpate_scene,

@@ -205,8 +205,8 @@ pub unsafe extern "C" fn palpate_contact_set(
     })
 }
 
-/// Replaces the virtual coupling between haptic device and tool from the next step on; null removes it, and the tool
-/// moves freely.
+/// Replaces the virtual coupling between haptic device and tool, of several tools the first, from the next step on; null
+/// removes it, and the tool moves freely.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_coupling_set(
     simulation: *mut palpate_simulation,

@@ -71,7 +71,8 @@ impl Environment for Felt<'_> {
         let begun = Instant::now();
         let row = self.object.simulation.step_device_input(input, h);
         self.object.has_failed = row.is_err();
-        let newest = Newest::new(wrench_of(&row?), begun);
+        self.object.last = row?;
+        let newest = Newest::new(wrench_of(&self.object.last), begun);
         self.steps.note(newest);
         self.told.note(newest);
         let nothing = || ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };

@@ -990,14 +990,14 @@ palpate_status palpate_scene_add_body(struct palpate_scene *scene, const struct 
 // Sets the bodies with which the body at position `body` in the scene collides: `names` are `count` names of bodies of
 // the scene, with "tool" for the tool. If `names` is null, the body collides with every other body, which is the
 // default. Two bodies collide if each of them has the other in its list or has no list; with an empty list (`count` 0,
-// `names` not null) a body collides with nothing.
+// `names` not null) a body collides with nothing. Two tools that are bodies collide only if one of them has a list.
 palpate_status palpate_scene_set_collides(struct palpate_scene *scene,
                                           uint32_t body,
                                           const char *const *names,
                                           size_t count);
 
 // Sets the scene's tool, and the virtual coupling (spring and damper) between haptic device and tool. Both replace
-// those that the scene has.
+// those that the scene has; of several tools (`[[tool]]`) all are removed.
 palpate_status palpate_scene_set_tool(struct palpate_scene *scene, const struct palpate_tool *tool);
 
 // Sets the folder in which palpate_scene_prepare keeps prepared bodies for later runs; "": the user's cache folder
@@ -1043,6 +1043,23 @@ palpate_status palpate_simulation_destroy(struct palpate_simulation *simulation)
 palpate_status palpate_step(struct palpate_simulation *simulation,
                             const struct palpate_pose *device,
                             struct palpate_wrench *wrench);
+
+// Tells in `count` how many tools the scene of a simulation has: 0 without a tool, more than 1 where the scene lists
+// several (`[[tool]]`).
+palpate_status palpate_tool_count(struct palpate_simulation *simulation, uint32_t *count);
+
+// Does one step as palpate_step does, and leads the haptic device of each tool: to the `count` poses `devices`, one for
+// each tool in the scene's order. palpate_step leads that of the first tool; the devices of the others then follow their
+// trajectories (`drive`), or stay at the last poses that this function gave them; so they do in a submitted step and in
+// a haptic loop. palpate_tool_wrench reads the results.
+palpate_status palpate_step_tools(struct palpate_simulation *simulation,
+                                  const struct palpate_pose *devices,
+                                  size_t count);
+
+// Reads what the last finished step, of whatever function or haptic loop, left of a tool: `tool` is its position in the
+// scene, from 0. Force, torque and poses of `wrench` are those of this tool; its other fields are those of the step.
+// Before the first step, and after a saved state was restored, all of it is zero, and orientations are the identity.
+palpate_status palpate_tool_wrench(struct palpate_simulation *simulation, uint32_t tool, struct palpate_wrench *wrench);
 
 // Copies the world positions of the nodes of a soft body's layer (its tetrahedral mesh), m: three numbers per node, in
 // the order of the layer. `body` is the body's position in the scene, from 0. `count` receives the number of nodes,
@@ -1154,8 +1171,8 @@ palpate_status palpate_contact_get(struct palpate_simulation *simulation, struct
 // commands of the step anew, which takes about as long as making the simulation did.
 palpate_status palpate_contact_set(struct palpate_simulation *simulation, const struct palpate_contact_law *law);
 
-// Replaces the virtual coupling between haptic device and tool from the next step on; null removes it, and the tool
-// moves freely.
+// Replaces the virtual coupling between haptic device and tool, of several tools the first, from the next step on; null
+// removes it, and the tool moves freely.
 palpate_status palpate_coupling_set(struct palpate_simulation *simulation, const struct palpate_coupling *coupling);
 
 // Reads the pose of a rigid core of a body: the world pose of the coordinate frame of the body's mesh, as if that

@@ -190,6 +190,29 @@ public:
     Wrench step() { return step_to(nullptr); }
     /// Does one step, at the end of which the haptic device has this pose.
     Wrench step(const Pose &device) { return step_to(&device); }
+    /// Does one step, at the end of which the haptic devices have these poses, one for each tool of the scene; returns the
+    /// wrench of each tool.
+    std::vector<Wrench> step_tools(const std::vector<Pose> &devices) {
+        check(palpate_step_tools(get(), devices.data(), devices.size()));
+        std::vector<Wrench> wrenches;
+        for (uint32_t tool = 0; tool < devices.size(); tool++) {
+            wrenches.push_back(tool_wrench(tool));
+        }
+        return wrenches;
+    }
+    /// Returns the number of tools of the scene.
+    uint32_t tool_count() const {
+        uint32_t count = 0;
+        check(palpate_tool_count(get(), &count));
+        return count;
+    }
+    /// Returns what the last finished step left of the tool at this position in the scene, from 0.
+    Wrench tool_wrench(uint32_t tool) const {
+        Wrench wrench{};
+        wrench.size = sizeof wrench;
+        check(palpate_tool_wrench(get(), tool, &wrench));
+        return wrench;
+    }
     /// Begins a step without waiting for it; the haptic device moves as in step().
     void submit() { check(palpate_step_submit(get(), nullptr)); }
     /// Begins a step without waiting for it; at the end of the step the haptic device has this pose.

@@ -141,6 +141,20 @@ pub(super) struct SimulationObject {
     pub simulation: Simulation,
     /// Whether a step failed halfway, so that no further step is possible until a saved state is restored.
     pub has_failed: bool,
+    /// The report of the last step; that of step 0 before the first, and after a saved state was restored.
+    pub last: StepReport,
+}
+
+impl SimulationObject {
+    pub fn new(simulation: Simulation) -> SimulationObject {
+        SimulationObject { simulation, has_failed: false, last: StepReport::default() }
+    }
+
+    /// Number of tools of the scene.
+    fn tools(&self) -> usize {
+        let scene = self.simulation.scene();
+        usize::from(scene.tool.is_some()) + scene.further_tools.len()
+    }
 }
 
 impl Handled for SimulationObject {
@@ -186,8 +200,8 @@ pub unsafe extern "C" fn palpate_simulation_create_with_progress(
         let watch = Box::new(move |done| tell_of_kernels(progress, user, done));
         let mut made = watched(watch, || Simulation::with_bodies(&context, &scene, bodies))?;
         made.time_every(0)?;
-        let object = SimulationObject { simulation: made, has_failed: false };
-        *simulation = handles::insert_with(object, Arc::new(SimulationSteps::default())) as *mut palpate_simulation;
+        *simulation = handles::insert_with(SimulationObject::new(made), Arc::new(SimulationSteps::default()))
+            as *mut palpate_simulation;
         Ok(())
     })
 }
@@ -218,7 +232,7 @@ pub unsafe extern "C" fn palpate_step(
             unsafe { sized::read(wrench.cast_const())? };
         }
         handles::with(simulation as usize, |object: &mut SimulationObject| {
-            let told = steps::of(simulation)?.step_now(object, device)?;
+            let told = steps::of(simulation)?.step_now(object, device.as_slice())?;
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
             if wrench.is_null() { Ok(()) } else { unsafe { sized::write(wrench, &told) } }
         })
@@ -231,15 +245,84 @@ impl Stepped for SimulationObject {
         if self.has_failed { Err(Failure::new(palpate_status::Simulation, problem)) } else { Ok(()) }
     }
 
-    fn step_to(&mut self, device: Option<Pose>) -> Outcome<palpate_wrench> {
+    fn step_to(&mut self, devices: &[Pose]) -> Outcome<palpate_wrench> {
         self.is_fit()?;
-        let row = match device {
-            Some(pose) => self.simulation.step_at(pose),
-            None => self.simulation.step(),
+        let row = match devices {
+            [] => self.simulation.step(),
+            [pose] => self.simulation.step_at(*pose),
+            poses => self.simulation.step_at_poses(poses),
         };
         self.has_failed = row.is_err();
-        Ok(wrench_of(&row?))
+        self.last = row?;
+        Ok(wrench_of(&self.last))
     }
+}
+
+/// Tells in `count` how many tools the scene of a simulation has: 0 without a tool, more than 1 where the scene lists
+/// several (`[[tool]]`).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_tool_count(simulation: *mut palpate_simulation, count: *mut u32) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+        let count = unsafe { sized::answer(count, "count")? };
+        *count = handles::with(simulation as usize, |object: &mut SimulationObject| Ok(object.tools() as u32))?;
+        Ok(())
+    })
+}
+
+/// Does one step as palpate_step does, and leads the haptic device of each tool: to the `count` poses `devices`, one for
+/// each tool in the scene's order. palpate_step leads that of the first tool; the devices of the others then follow their
+/// trajectories (`drive`), or stay at the last poses that this function gave them; so they do in a submitted step and in
+/// a haptic loop. palpate_tool_wrench reads the results.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_step_tools(
+    simulation: *mut palpate_simulation,
+    devices: *const palpate_pose,
+    count: usize,
+) -> palpate_status {
+    guarded(|| {
+        // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+        let given = unsafe { sized::array(devices, count, "devices")? };
+        let pose = |(k, given)| pose_of(given, &format!("devices[{k}]"));
+        let poses = given.iter().enumerate().map(pose).collect::<Outcome<Vec<Pose>>>()?;
+        handles::with(simulation as usize, |object: &mut SimulationObject| {
+            let tools = object.tools();
+            if tools == 0 {
+                return Err(Failure::new(palpate_status::Argument, "the scene has no tool; add a [tool]"));
+            }
+            if tools != poses.len() {
+                let problem = format!("count is {count}, but the scene has {tools} tools; give one pose for each tool");
+                return Err(Failure::new(palpate_status::Argument, problem));
+            }
+            steps::of(simulation)?.step_now(object, &poses).map(|_| ())
+        })
+    })
+}
+
+/// Reads what the last finished step, of whatever function or haptic loop, left of a tool: `tool` is its position in the
+/// scene, from 0. Force, torque and poses of `wrench` are those of this tool; its other fields are those of the step.
+/// Before the first step, and after a saved state was restored, all of it is zero, and orientations are the identity.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn palpate_tool_wrench(
+    simulation: *mut palpate_simulation,
+    tool: u32,
+    wrench: *mut palpate_wrench,
+) -> palpate_status {
+    guarded(|| {
+        handles::with(simulation as usize, |object: &mut SimulationObject| {
+            let tools = object.tools();
+            if tool as usize >= tools {
+                let problem = format!("tool is {tool}, but the scene has {tools} tools, counted from 0");
+                return Err(Failure::new(palpate_status::Argument, problem));
+            }
+            let mut row = object.last.clone();
+            if tool > 0 {
+                row.tool = row.further_tools.get(tool as usize - 1).copied();
+            }
+            // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
+            unsafe { sized::tell(wrench, &wrench_of(&row), "wrench") }
+        })
+    })
 }
 
 /// Converts a pose of the caller. Errors: a number is not finite, or the orientation is no unit quaternion; the message

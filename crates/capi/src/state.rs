@@ -1,6 +1,8 @@
 //! Functions that save the state of a simulation as bytes, and restore a saved state. The tool is the rigid body that
 //! the haptic device leads, by the spring and damper of the virtual coupling.
 
+use palpate::StepReport;
+
 use super::simulation::{SimulationObject, palpate_simulation};
 use super::status::{Failure, Outcome, guarded, palpate_status};
 use super::{handles, sized, steps};
@@ -50,7 +52,7 @@ pub unsafe extern "C" fn palpate_state_restore(
         let state = unsafe { sized::array(bytes, size, "bytes")? };
         handles::with(simulation as usize, |object: &mut SimulationObject| {
             object.simulation.restore(state).map_err(argument)?;
-            object.has_failed = false;
+            (object.has_failed, object.last) = (false, StepReport::default());
             steps::of(simulation)?.forget();
             Ok(())
         })

@@ -28,9 +28,9 @@ const UNDER_WAY: &str = "a submitted step that is under way; poll until it is do
 pub(super) trait Stepped: Handled {
     /// Checks whether a step is possible. Errors: the reason why no step is possible.
     fn is_fit(&self) -> Outcome;
-    /// Does one step, at the end of which the haptic device has the pose `device`; `None`: the pose on the scene's
-    /// trajectory or, if an earlier step was given a pose, the last pose given.
-    fn step_to(&mut self, device: Option<Pose>) -> Outcome<palpate_wrench>;
+    /// Does one step, at the end of which haptic devices have the poses `devices`, tool by tool. A device without a pose
+    /// is where the scene's trajectory leads it or, if an earlier step was given a pose, at the last pose given.
+    fn step_to(&mut self, devices: &[Pose]) -> Outcome<palpate_wrench>;
 }
 
 /// Worker thread and results of the steps of one simulation.
@@ -138,7 +138,7 @@ impl<T: Stepped> Shared<T> {
         while let Some(Job { lent, device, given }) = self.next() {
             // Unwind safety: a panic during the step poisons the lock of the object, so no other call uses the object,
             // which may be half-changed.
-            let done = catch_unwind(AssertUnwindSafe(|| lent.lock().step_to(device)));
+            let done = catch_unwind(AssertUnwindSafe(|| lent.lock().step_to(device.as_slice())));
             match done.unwrap_or_else(|panic| Err(Failure::of_panic(&*panic))) {
                 Ok(wrench) => self.lock().newest = Newest::new(wrench, given),
                 Err(failure) => self.lock().failure = Some(failure),
@@ -191,9 +191,9 @@ impl<T: Stepped> Steps<T> {
     }
 
     /// Does a step on the calling thread, which has locked the simulation.
-    pub fn step_now(&self, object: &mut T, device: Option<Pose>) -> Outcome<palpate_wrench> {
+    pub fn step_now(&self, object: &mut T, devices: &[Pose]) -> Outcome<palpate_wrench> {
         let given = Instant::now();
-        let wrench = object.step_to(device)?;
+        let wrench = object.step_to(devices)?;
         self.note(Newest::new(wrench, given));
         Ok(wrench)
     }

@@ -17,7 +17,7 @@ use palpate_capi::scene::{palpate_scene, palpate_scene_destroy, palpate_scene_pa
 use palpate_capi::shown::palpate_contact_forces;
 use palpate_capi::simulation::{
     palpate_nodes, palpate_pose, palpate_simulation, palpate_simulation_create, palpate_simulation_destroy,
-    palpate_step, palpate_stresses, palpate_wrench,
+    palpate_step, palpate_step_tools, palpate_stresses, palpate_tool_count, palpate_tool_wrench, palpate_wrench,
 };
 use palpate_capi::status::palpate_status;
 
@@ -103,6 +103,69 @@ fn a_step_allocates_nothing_once_it_runs() {
     drop(std::hint::black_box(Box::new(1)));
     assert!(allocations() > before);
     ok(palpate_simulation_destroy(simulation));
+    ok(palpate_context_destroy(context));
+}
+
+/// Scene text: two rigid spheres of 10 mm above a plane, each a tool with a coupling of its own.
+const TWO_TOOLS: &std::ffi::CStr = c"[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = 1e8\n\
+    [[body]]\nname = \"ground\"\nplane = [0.0, 1.0, 0.0, 0.0]\n\
+    [[body]]\nname = \"a\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
+    mass = 0.05\nposition = [-0.03, 0.0101, 0.0]\n\
+    [[body]]\nname = \"b\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
+    mass = 0.05\nposition = [0.03, 0.0101, 0.0]\n\
+    [[tool]]\nname = \"left\"\nbody = \"a\"\ncoupling = { stiffness = 500, damping = 5, angular_stiffness = 1, angular_damping = 0.01 }\n\
+    [[tool]]\nname = \"right\"\nbody = \"b\"\ncoupling = { stiffness = 1000, damping = 7, angular_stiffness = 1, angular_damping = 0.01 }\n";
+
+#[test]
+fn each_of_two_tools_is_led_and_felt() {
+    use palpate_status::{Argument, Null};
+    let context = context();
+    let (mut scene, mut simulation, mut count) = (null_mut(), null_mut(), 0);
+    // SAFETY (this and the blocks below): the text is terminated by a zero, poses and outputs are live local variables
+    // or null, and the library checks handles.
+    unsafe {
+        ok(palpate_scene_parse(TWO_TOOLS.as_ptr(), null(), &mut scene));
+        ok(palpate_simulation_create(context, scene, &mut simulation));
+        ok(palpate_tool_count(simulation, &mut count));
+    }
+    assert_eq!(count, 2);
+    let at = |x: f64, y: f64| palpate_pose { position: [x, y, 0.0], orientation: [0.0, 0.0, 0.0, 1.0] };
+    let felt = |tool: u32| {
+        let mut told = wrench();
+        ok(unsafe { palpate_tool_wrench(simulation, tool, &mut told) });
+        told
+    };
+    assert_eq!((felt(1).step, felt(1).force), (0, [0.0; 3]));
+    let poses = [at(-0.03, 0.008), at(0.03, 0.006)];
+    for _ in 0..200 {
+        ok(unsafe { palpate_step_tools(simulation, poses.as_ptr(), 2) });
+    }
+    // At rest the springs of the couplings press each sphere on the plane.
+    for (tool, stiffness) in [(0, 500.0), (1, 1000.0)] {
+        let told = felt(tool);
+        let pull = stiffness * (told.tool.position[1] - told.device.position[1]);
+        assert!(told.step == 200 && told.device.position == poses[tool as usize].position, "tool {tool}: {told:?}");
+        assert!(pull > 0.5 && (told.force[1] / pull - 1.0).abs() < 0.01, "tool {tool} is pulled by {pull} N: {told:?}");
+    }
+    // A step with one pose leads the first tool; the other device stays.
+    let mut told = wrench();
+    ok(unsafe { palpate_step(simulation, &at(-0.03, 0.007), &mut told) });
+    assert_eq!(
+        (told.device.position[1], felt(0).device.position[1], felt(1).device.position[1]),
+        (0.007, 0.007, 0.006)
+    );
+    let wrong = [at(0.0, 0.0), palpate_pose { position: [0.0, f64::NAN, 0.0], ..at(0.0, 0.0) }];
+    unsafe {
+        refused(palpate_step_tools(simulation, poses.as_ptr(), 1), Argument, "count is 1, but the scene has 2 tools");
+        refused(palpate_step_tools(simulation, null(), 2), Null, "devices");
+        refused(palpate_step_tools(simulation, wrong.as_ptr(), 2), Argument, "devices[1].position[1] is NaN");
+        refused(palpate_tool_wrench(simulation, 2, &mut told), Argument, "tool is 2, but the scene has 2 tools");
+        refused(palpate_tool_wrench(simulation, 0, null_mut()), Null, "wrench is null");
+        refused(palpate_tool_count(simulation, null_mut()), Null, "count");
+    }
+    assert_eq!(felt(1).step, 201);
+    ok(palpate_simulation_destroy(simulation));
+    ok(palpate_scene_destroy(scene));
     ok(palpate_context_destroy(context));
 }
 

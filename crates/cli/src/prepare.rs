@@ -37,8 +37,8 @@ const CELLS: u32 = 40;
 /// Options of `palpate prepare`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The surface: a file (OBJ, STL, PLY, glTF, VTP, VTU, VTK), or a built-in model (head, pumpkin, gear, human), as head
-    /// or head:44000 (number of vertices)
+    /// The surface: a file (OBJ, STL, PLY, glTF, VTP, VTU, VTK), or a built-in model (head, pumpkin, gear, human, sphere),
+    /// as head or head:44000 (number of vertices)
     surface: String,
     /// Directory to write the body, its report and images into [default: the surface's name without its extension]
     #[arg(long, value_name = "DIR")]

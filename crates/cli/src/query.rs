@@ -28,8 +28,8 @@ const REPORT: &str = "query.json";
 /// Options of `palpate query`.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The first surface: a file (OBJ, STL, PLY, glTF, VTP, VTU, VTK), or a built-in model (head, pumpkin, gear, human), as
-    /// head or head:44000 (number of vertices)
+    /// The first surface: a file (OBJ, STL, PLY, glTF, VTP, VTU, VTK), or a built-in model (head, pumpkin, gear, human,
+    /// sphere), as head or head:44000 (number of vertices)
     a: String,
     /// The second surface
     b: String,

@@ -46,6 +46,8 @@ pub struct Report {
     pub contacts: Vec<Resolved>,
     /// Contact wrench on the tool, or on the body whose core the device holds; zero if there is neither.
     pub wrench: Wrench,
+    /// Contact wrenches on the bodies whose cores further devices hold.
+    pub further: Vec<Wrench>,
     /// Bit mask of flags, such as [`TENSION_REMAINS`].
     pub flags: u32,
     /// Residual of the nonlinear equations after the last of several Newton iterations, relative to the right-hand side
@@ -74,6 +76,8 @@ pub struct Simulation {
     pub joints: Vec<Joint>,
     /// The core that the haptic device holds, if any.
     pub coupled: Option<CoupledCore>,
+    /// Cores that further haptic devices hold, each with its device at the end of the next step.
+    pub further: Vec<(CoupledCore, Device)>,
     /// External force on each node of each body in the next step, N; empty without loads.
     pub node_loads: Vec<Vec<DVec3>>,
     /// Force (N) and torque (N m) on each dynamic core in the next step; empty without loads.
@@ -207,12 +211,13 @@ impl Simulation {
             (None, Some(held)) => wrench::on_core(&contacts, &self.cores[held.core]),
             (None, None) => Wrench::default(),
         };
+        let further = self.further.iter().map(|(held, _)| wrench::on_core(&contacts, &self.cores[held.core])).collect();
         let acting: Vec<Contact> =
             (0..contacts.len()).filter(|j| active[*j]).map(|j| contacts[j].contact.clone()).collect();
         let holding = self.holding(&unknowns, &change, &trials, device, &acting);
         self.commit(&unknowns, &change);
         self.last_change = change;
-        Ok(Report { contacts, wrench, flags, nonlinear_residual, holding })
+        Ok(Report { contacts, wrench, further, flags, nonlinear_residual, holding })
     }
 
     /// Changes of the unknown velocities over the last step; zeros before the first.
@@ -369,6 +374,9 @@ impl Simulation {
         if let (Some(held), Some(device)) = (&self.coupled, device) {
             held.add_terms(&self.cores[held.core], &mut a, &mut b, unknowns.cores[held.core], self.dt, device);
         }
+        for (held, device) in &self.further {
+            held.add_terms(&self.cores[held.core], &mut a, &mut b, unknowns.cores[held.core], self.dt, device);
+        }
         if let Some(tool) = &self.tool {
             tool.add_terms(&mut a, &mut b, unknowns.tool, self.dt, self.gravity, device);
         }
@@ -482,6 +490,9 @@ impl Simulation {
         }
         self.joints.iter_mut().for_each(|joint| joint.advance(&self.cores, self.dt));
         if let Some(held) = &mut self.coupled {
+            held.turn(self.dt, &self.cores[held.core]);
+        }
+        for (held, _) in &mut self.further {
             held.turn(self.dt, &self.cores[held.core]);
         }
         if let Some(tool) = &mut self.tool {

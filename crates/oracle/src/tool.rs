@@ -27,7 +27,7 @@ pub struct Tool {
 }
 
 /// Pose and twist of the haptic device at the end of a step.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Device {
     /// Position of the device's handle, m.
     pub position: DVec3,

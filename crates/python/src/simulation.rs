@@ -8,7 +8,7 @@ use glam::DVec3;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use palpate::internal::prepare::Shape;
 use palpate::scene::{Coupling, Material};
-use palpate::{ContactPoint, Pose, StepReport};
+use palpate::{ContactPoint, Pose, StepReport, ToolReport};
 use palpate_cli::Look;
 use palpate_view::Studio;
 use pyo3::prelude::*;
@@ -21,13 +21,16 @@ use crate::hold::hold;
 use crate::scene::Scene;
 use crate::skins::{SkinCopies, view};
 
-/// A step's report as Python unpacks it: step, time, the tool (force, torque, its pose, the device's pose), contacts,
-/// greatest depth, iterations, residual, flags, step_us, probes, reactions (name, force, torque), and the work (solves, submits, planned iterations,
-/// dependent passes).
+/// A tool after a step as Python unpacks it: force, torque, its pose, the device's pose.
+type PlainTool = ([f64; 3], [f64; 3], PlainPose, PlainPose);
+
+/// A step's report as Python unpacks it: step, time, the tools, contacts, greatest depth,
+/// iterations, residual, flags, step_us, probes, reactions (name, force, torque), and the work (solves, submits, planned
+/// iterations, dependent passes).
 type PlainReport = (
     u64,
     f64,
-    Option<([f64; 3], [f64; 3], PlainPose, PlainPose)>,
+    Vec<PlainTool>,
     Option<u32>,
     Option<f64>,
     u32,
@@ -147,6 +150,15 @@ impl Simulation {
                 Some(target) => simulation.step_at(target),
                 None => simulation.step(),
             }?;
+            Ok(plain_report(&report, simulation.reaction_names()))
+        })
+    }
+
+    /// Simulates a step; the haptic device of each tool moves to one of `targets`.
+    fn step_tools(&self, py: Python<'_>, targets: Vec<PlainPose>) -> PyResult<PlainReport> {
+        let targets = targets.into_iter().map(pose).collect::<PyResult<Vec<Pose>>>()?;
+        self.with(py, |State { simulation, .. }| {
+            let report = simulation.step_at_poses(&targets)?;
             Ok(plain_report(&report, simulation.reaction_names()))
         })
     }
@@ -333,15 +345,13 @@ impl Simulation {
 }
 
 fn plain_report<'a>(report: &StepReport, names: impl Iterator<Item = &'a str>) -> PlainReport {
-    let tool = report
-        .tool
-        .as_ref()
-        .map(|tool| (tool.force.to_array(), tool.torque.to_array(), plain(&tool.tool), plain(&tool.device)));
+    let tool =
+        |tool: &ToolReport| (tool.force.to_array(), tool.torque.to_array(), plain(&tool.tool), plain(&tool.device));
     let work = &report.work;
     (
         report.step,
         report.time,
-        tool,
+        report.tool.iter().chain(&report.further_tools).map(tool).collect(),
         report.contacts,
         report.max_depth,
         report.iterations,

@@ -256,6 +256,37 @@ def test_poses_lead_the_tool() -> None:
             simulation.step(wrong)
 
 
+def test_poses_lead_each_of_several_tools() -> None:
+    ball = {"surface": {"model": "sphere", "vertices": 100}, "scale": 0.01, "motion": "dynamic", "mass": 0.05}
+    coupling = {"stiffness": 500.0, "damping": 5.0, "angular_stiffness": 1.0, "angular_damping": 0.01}
+    simulation = Simulation(
+        Scene(
+            {
+                "step": {"gravity": [0.0, 0.0, 0.0]},
+                "body": [
+                    {"name": "ground", "plane": [0.0, 1.0, 0.0, 0.0]},
+                    {"name": "a", "position": [-0.03, 0.0101, 0.0], **ball},
+                    {"name": "b", "position": [0.03, 0.0101, 0.0], **ball},
+                ],
+                "tool": [
+                    {"name": "left", "body": "a", "coupling": coupling},
+                    {"name": "right", "body": "b", "coupling": coupling},
+                ],
+            }
+        )
+    )
+    poses = [Pose((-0.03, 0.008, 0.0)), Pose((0.03, 0.006, 0.0))]
+    report = [simulation.step_tools(poses) for _ in range(200)][-1]
+    (right,) = report.further_tools
+    assert report.force is not None and report.tool is not None and report.device is not None
+    for force, tool, device in ((report.force, report.tool, report.device), (right.force, right.tool, right.device)):
+        assert force[1] > 0.5
+        assert force[1] == pytest.approx(500.0 * (tool.position[1] - device.position[1]), rel=0.01)
+    assert right.device.position == (0.03, 0.006, 0.0)
+    with pytest.raises(InputError, match="1 poses are given for 2 tools"):
+        simulation.step_tools([(0.0, 0.0, 0.0)])
+
+
 def test_threads_simulate_side_by_side() -> None:
     alone = Simulation(Scene(BLOCK)).run().force
     forces: dict[int, np.ndarray[Any, Any]] = {}

@@ -1,8 +1,8 @@
 //! Surfaces with an exact number of vertices that the engine generates itself, so that scenes need no files.
 //!
-//! Head, pumpkin and human are solids given by signed distance functions, whose surfaces are extracted and then reduced
-//! by edge collapse; the gear is built from its profile. The models are bitwise the same on every machine, because they
-//! are computed with correctly rounded operations and with the trigonometric functions of `libm` only.
+//! Head, pumpkin, human and sphere are solids given by signed distance functions, whose surfaces are extracted and then
+//! reduced by edge collapse; the gear is built from its profile. The models are bitwise the same on every machine, because
+//! they are computed with correctly rounded operations and with the trigonometric functions of `libm` only.
 
 pub mod collapse;
 pub mod extract;
@@ -11,6 +11,7 @@ mod head;
 mod human;
 mod pumpkin;
 pub mod solid;
+mod sphere;
 mod split;
 #[cfg(test)]
 mod tests;
@@ -27,6 +28,7 @@ pub fn surface(model: Model, vertex_count: usize) -> (Vec<DVec3>, Vec<[u32; 3]>)
         Model::Pumpkin => pumpkin::pumpkin(vertex_count),
         Model::Gear => gear::gear(vertex_count),
         Model::Human => human::human(vertex_count),
+        Model::Sphere => sphere::sphere(vertex_count),
     }
 }
 

@@ -1,5 +1,5 @@
-//! Tests of the generated models (head, pumpkin, gear, human): invariants that hold for all models, and the features of
-//! single models.
+//! Tests of the generated models (head, pumpkin, gear, human, sphere): invariants that hold for all models, and the
+//! features of single models.
 
 use std::collections::HashMap;
 
@@ -54,6 +54,7 @@ fn measures(model: Model) -> (DVec3, DVec3, f64) {
         Model::Pumpkin => (DVec3::new(-0.143, -0.101, -0.148), DVec3::new(0.144, 0.148, 0.150), 0.00898),
         Model::Gear => (DVec3::new(-TIP, -TIP, -0.01), DVec3::new(TIP, TIP, 0.01), 9.34e-5),
         Model::Human => (DVec3::new(-0.868, 0.0, -0.126), DVec3::new(0.868, 1.7, 0.187), 0.0665),
+        Model::Sphere => (DVec3::NEG_ONE, DVec3::ONE, 4.0 / 3.0 * std::f64::consts::PI),
     }
 }
 

@@ -15,6 +15,8 @@ type Quads = Vec<[f32; 4]>;
 /// Number of parts of the bodies' skins (surface meshes). solve/conclude requests one workgroup of wrench/gap for each
 /// part; wrench/gap measures the gap from the tool (the rigid body that the haptic device leads) to each part.
 pub const SKIN_PARTS: u32 = 5;
+/// Number of tools that solve/conclude is told of.
+pub const TOOLS: u32 = 3;
 
 impl Passes {
     fn reduce(&self, name: &str) -> Case {
@@ -489,6 +491,7 @@ impl Passes {
             .constant("NODES", self.nodes() as u32)
             .constant("CONTACT", self.contact)
             .constant("TOOL", self.tool)
+            .constant("TOOLS", TOOLS)
             .constant("BLOCKS", self.block_count as u32)
             .constant("RIGIDS", self.rigid_count())
             .constant("GROUP", context().group_size())

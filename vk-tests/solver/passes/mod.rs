@@ -13,7 +13,7 @@ use palpate::internal::shaders::{Iteration, Joint, NONE, Report, Rigid, RigidIte
 use palpate::internal::stages::ARGS_WORDS;
 use palpate::internal::stages::edges::Edges;
 
-pub use kernels::SKIN_PARTS;
+pub use kernels::{SKIN_PARTS, TOOLS};
 
 use crate::harness::case;
 use crate::solver::system::System;

@@ -150,6 +150,7 @@ fn scene(sides: Sides, samples: Samples) -> Scene {
         },
         bodies: vec![],
         tool: None,
+        further_tools: vec![],
         coupling: None,
         trajectory: vec![],
         haptics: scene::Haptics::default(),

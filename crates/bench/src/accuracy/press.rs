@@ -4,9 +4,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate::Scene;
-use palpate::scene::{
-    self, Bind, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Tool, ToolShape,
-};
+use palpate::scene::{self, Bind, Core, Coupling, Dilatation, Key, Layer, Material, MaterialLaw, Motion, Tool};
 
 /// Half extents of the block, m.
 pub const HALF: DVec3 = DVec3::new(0.05, 0.03, 0.05);
@@ -74,16 +72,7 @@ impl Press {
         // the coupling with the size and its damping with the square of the size; angular gains have two more powers of
         // the size.
         let (mass, size) = (MASS * self.size.powi(3), self.size);
-        let tool = Tool {
-            shape: ToolShape::Sphere(RADIUS * size),
-            mass,
-            position: start,
-            orientation: DQuat::IDENTITY,
-            velocity: DVec3::ZERO,
-            units: None,
-            scale: 1.0,
-            repair: true,
-        };
+        let tool = Tool::sphere(RADIUS * size, mass).at(start.to_array());
         let coupling = Coupling {
             stiffness: 500.0 * size,
             damping: self.hand_damping * size.powi(2),

@@ -3,9 +3,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::prepare::{self, Shape};
-use palpate::scene::{
-    self, Bind, Core, Dilatation, Layer, Material, MaterialLaw, Model, Motion, Surface, Tool, ToolShape,
-};
+use palpate::scene::{self, Bind, Core, Dilatation, Layer, Material, MaterialLaw, Model, Motion, Surface, Tool};
 use palpate::{Error, Options, Result, Scene, Simulation};
 
 use super::Settings;
@@ -54,16 +52,7 @@ pub fn scene(settings: &Settings, centre: DVec3) -> Scene {
         reactions: None,
         skeleton: None,
     };
-    let tool = Tool {
-        shape: ToolShape::Sphere(RADIUS),
-        mass: MASS,
-        position: centre,
-        orientation: DQuat::IDENTITY,
-        velocity: DVec3::ZERO,
-        units: None,
-        scale: 1.0,
-        repair: true,
-    };
+    let tool = Tool::sphere(RADIUS, MASS).at(centre.to_array());
     Scene { tool: Some(tool), ..Scene::of_body("head", body) }
 }
 

@@ -188,16 +188,8 @@ impl Setup {
             Some(file) => ToolShape::Surface(Surface::File(file.clone())),
         };
         let start = sphere.path.first().map_or(GAP * self.edge, |(_, height)| *height);
-        scene.tool = Some(Tool {
-            shape,
-            mass: sphere.mass,
-            position: at(start),
-            orientation: DQuat::IDENTITY,
-            velocity: -sphere.speed * DVec3::Y,
-            units: None,
-            scale: 1.0,
-            repair: true,
-        });
+        let resting = Tool { shape, ..Tool::sphere(RADIUS * self.edge, sphere.mass).at(at(start).to_array()) };
+        scene.tool = Some(Tool { velocity: -sphere.speed * DVec3::Y, ..resting });
         let key =
             |(time, height): &(f64, f64)| Key { time: *time, position: at(*height), orientation: DQuat::IDENTITY };
         scene.trajectory = sphere.path.iter().map(key).collect();

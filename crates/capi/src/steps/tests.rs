@@ -37,7 +37,7 @@ impl Stepped for Told {
         if self.has_failed { Err(tired) } else { Ok(()) }
     }
 
-    fn step_to(&mut self, _: Option<Pose>) -> Outcome<palpate_wrench> {
+    fn step_to(&mut self, _: &[Pose]) -> Outcome<palpate_wrench> {
         self.steps += 1;
         match self.orders.recv().unwrap() {
             Order::Go => Ok(palpate_wrench { step: self.steps, ..palpate_wrench::unset() }),

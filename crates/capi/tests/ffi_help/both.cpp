@@ -64,6 +64,9 @@ int main(int argc, char **argv) {
         const palpate::Loop other(simulation, device);
     }
     is_right = is_right && hand.is_closed && simulation.step().step > 2;
+    const auto wrenches = simulation.step_tools({simulation.newest(&age).device});
+    is_right = is_right && simulation.tool_count() == 1 && wrenches.size() == 1;
+    is_right = is_right && wrenches[0].step == simulation.newest(&age).step;
     std::puts(is_right ? "right" : "wrong");
     return 0;
 }

@@ -39,11 +39,13 @@ impl Quantity {
             let columns = endings.iter().map(|ending| format!("{prefix}{ending}")).collect();
             Some(Quantity { name: format!("{prefix}{name}"), unit, columns, measure })
         };
-        match column {
+        // Columns of a tool after the first begin with its name and a colon.
+        let (tool, own) = column.rfind(':').map_or(("", column), |at| column.split_at(at + 1));
+        match own {
             "contacts" => return of("contacts", "", "", &[""], Measure::Size),
             "max_depth_m" => return of("max_depth_m", "", "m", &[""], Measure::Size),
-            "force_x" => return of("force", "", "N", &["_x", "_y", "_z"], Measure::Size),
-            "torque_x" => return of("torque", "", "N m", &["_x", "_y", "_z"], Measure::Size),
+            "force_x" => return of(&format!("{tool}force"), "", "N", &["_x", "_y", "_z"], Measure::Size),
+            "torque_x" => return of(&format!("{tool}torque"), "", "N m", &["_x", "_y", "_z"], Measure::Size),
             _ => {}
         }
         if let Some(prefix) = column.strip_suffix("_qx") {
@@ -235,6 +237,14 @@ mod tests {
         let mut findings = Findings::default();
         let all = compare(&a, &b, &mut findings).unwrap();
         (all, findings.notes.into_iter().chain(findings.unmatched).collect())
+    }
+
+    #[test]
+    fn columns_of_further_tools_are_those_of_the_first_with_a_name() {
+        let head = "step,time_s,right:tool_x,right:tool_y,right:tool_z,right:force_x,right:force_y,right:force_z\n";
+        let (all, _) = compared(&format!("{head}1,0.1,0,0,0,3,0,4\n"), &format!("{head}1,0.1,0,0,0,3,1,4\n"));
+        let told: Vec<_> = all.iter().map(|d| (d.quantity.as_str(), d.unit, d.greatest, d.of)).collect();
+        assert_eq!(told, [("right:tool position", "m", 0.0, 1e-6), ("right:force", "N", 1.0, 5.0)]);
     }
 
     const HEAD: &str = "step,time_s,force_x,force_y,force_z,tool_qx,tool_qy,tool_qz,tool_qw,contacts,flags,step_us\n";

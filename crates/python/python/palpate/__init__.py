@@ -39,6 +39,7 @@ from .simulation import (
     Simulation,
     Skin,
     StepReport,
+    ToolReport,
     Trace,
     Work,
 )
@@ -74,6 +75,7 @@ __all__ = [
     "Skin",
     "StepReport",
     "Sweep",
+    "ToolReport",
     "Trace",
     "UsdStage",
     "VulkanError",

@@ -13,10 +13,12 @@ Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 PlainPose: TypeAlias = tuple[Vector, Quaternion]
 ReadPose: TypeAlias = tuple[list[float], list[float]]
+PlainTool: TypeAlias = tuple[list[float], list[float], ReadPose, ReadPose]
+"""Force, torque, pose of the tool, pose of its device."""
 Report: TypeAlias = tuple[
     int,
     float,
-    tuple[list[float], list[float], ReadPose, ReadPose] | None,
+    list[PlainTool],
     int | None,
     float | None,
     int,
@@ -27,8 +29,8 @@ Report: TypeAlias = tuple[
     list[tuple[str, list[float], list[float]]],
     tuple[int, int, int, int],
 ]
-"""Step, time, the tool (force, torque, its pose, the device's pose), contacts, greatest depth, iterations, residual, flags,
-microseconds, probes, reactions (name, force, torque), and the work."""
+"""Step, time, the tools, contacts, greatest depth, iterations, residual, flags, microseconds,
+probes, reactions (name, force, torque), and the work."""
 Tick: TypeAlias = tuple[float, ReadPose, ReadPose, list[float], list[float], list[float], float]
 """Time, poses of device and tool, force and torque played, contact force, and age of the newest wrench."""
 PlainSession: TypeAlias = tuple[int, int, float, float, str | None, list[str], str]

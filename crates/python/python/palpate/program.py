@@ -54,7 +54,7 @@ def film(
         size: Width and height, pixels.
         fps: Frames per second.
         speed: Simulated seconds per second of film: 1 is real time, 0.1 is slow motion.
-        seconds: Time to simulate, s; ``None``: up to the last key of the scene's ``[drive]``.
+        seconds: Time to simulate, s; ``None``: up to the last key of the scene's trajectories.
         show: As in :meth:`Simulation.picture`.
         camera: As in :meth:`Simulation.picture`.
     """

@@ -155,7 +155,7 @@ class Scene:
 
     @property
     def duration(self) -> float:
-        """Time up to the last key of ``[drive]``, s; 1 s if there are no keys."""
+        """Time up to the last key of any trajectory, s; 1 s if there are no keys."""
         return self._native.duration
 
     @property

@@ -15,7 +15,7 @@ from . import native
 from .context import Context
 from .errors import InputError
 from .flags import Flags
-from .plain import Floats, Indices, PlainPose, ReadPose, Report, Tick
+from .plain import Floats, Indices, PlainPose, PlainTool, ReadPose, Report, Tick
 from .scene import Scene
 
 
@@ -54,9 +54,23 @@ class Reaction(NamedTuple):
     """Torque about the world's origin, N m, shape (3,)."""
 
 
+class ToolReport(NamedTuple):
+    """A tool after the first of several, at the end of a step."""
+
+    force: Floats
+    """Contact force on the tool, world axes, N, shape (3,)."""
+    torque: Floats
+    """Contact torque on the tool about its centre, world axes, N m, shape (3,)."""
+    tool: Pose
+    """Pose of the tool."""
+    device: Pose
+    """Pose of its haptic device."""
+
+
 @dataclass(frozen=True, slots=True)
 class StepReport:
-    """What a step did, and the state at its end."""
+    """What a step did, and the state at its end. With several tools, ``force``, ``torque``, ``tool`` and ``device`` are
+    those of the first."""
 
     step: int
     """Number of steps done, this one included."""
@@ -70,6 +84,8 @@ class StepReport:
     """Pose of the tool; ``None`` without a tool."""
     device: Pose | None
     """Pose of the haptic device; ``None`` without a tool."""
+    further_tools: tuple[ToolReport, ...]
+    """The tools after the first, in the scene's order."""
     contact_count: int | None
     """Number of contacts, which are skin vertices or triangles in another body; ``None`` where nothing can collide."""
     max_depth: float | None
@@ -208,22 +224,22 @@ class Trace:
 
     @property
     def force(self) -> Floats:
-        """Contact force on the tool, world axes, N, shape (T, 3); NaN without a tool."""
+        """Contact force on the tool (of several the first), world axes, N, shape (T, 3); NaN without a tool."""
         return _rows([report.force for report in self.reports])
 
     @property
     def torque(self) -> Floats:
-        """Contact torque on the tool about its centre, world axes, N m, shape (T, 3); NaN without a tool."""
+        """Contact torque on that tool about its centre, world axes, N m, shape (T, 3); NaN without a tool."""
         return _rows([report.torque for report in self.reports])
 
     @property
     def tool(self) -> Floats:
-        """Position of the tool, m, shape (T, 3); NaN without a tool."""
+        """Position of that tool, m, shape (T, 3); NaN without a tool."""
         return _rows([report.tool and np.array(report.tool.position) for report in self.reports])
 
     @property
     def device(self) -> Floats:
-        """Position of the haptic device, m, shape (T, 3); NaN without a tool."""
+        """Position of its haptic device, m, shape (T, 3); NaN without a tool."""
         return _rows([report.device and np.array(report.device.position) for report in self.reports])
 
     @property
@@ -299,6 +315,18 @@ class Simulation:
         """
         return _report(self._native.step(None if pose is None else _pose(pose)))
 
+    def step_tools(self, poses: Sequence[PoseLike]) -> StepReport:
+        """Simulate one step of the scene's ``dt``, and lead the haptic device of each of several tools.
+
+        Args:
+            poses: Poses of the devices at the end of the step, one for each tool in the scene's order: as of
+                :meth:`step`, which leads that of the first tool alone.
+
+        Raises:
+            InputError: The number of poses is not that of the tools.
+        """
+        return _report(self._native.step_tools([_pose(pose) for pose in poses]))
+
     def run(
         self,
         seconds: float | None = None,
@@ -309,7 +337,7 @@ class Simulation:
         """Simulate for some time, and return the reports of all steps.
 
         Args:
-            seconds: Time to simulate, s. ``None``: up to the last key of the scene's ``[drive]``.
+            seconds: Time to simulate, s. ``None``: up to the last key of the scene's trajectories.
             pose: Called with the time at the end of each step (s); returns the pose of the haptic device then. ``None``:
                 the device follows the scene's ``[drive]``.
             progress: Whether to show on standard error how far the run is.
@@ -476,7 +504,7 @@ class Simulation:
         angular_stiffness: float = 0.0,
         angular_damping: float = 0.0,
     ) -> None:
-        """Set the virtual coupling, a spring and damper between haptic device and tool.
+        """Set the virtual coupling, a spring and damper between haptic device and tool, of several tools the first.
 
         Args:
             stiffness: Force per distance, N/m.
@@ -558,19 +586,23 @@ def _sample(tick: Tick) -> Sample:
     return Sample(time, *poses, np.array(force), np.array(torque), np.array(contact), age)
 
 
+def _tool_report(plain: PlainTool) -> ToolReport:
+    force, torque, tool, device = plain
+    return ToolReport(np.array(force), np.array(torque), _plain_pose(tool), _plain_pose(device))
+
+
 def _report(plain: Report) -> StepReport:
-    step, time, tool, contacts, depth, iterations, residual, flags, step_us, probes, reactions, work = plain
-    force = torque = tool_pose = device_pose = None
-    if tool is not None:
-        force, torque = np.array(tool[0]), np.array(tool[1])
-        tool_pose, device_pose = _plain_pose(tool[2]), _plain_pose(tool[3])
+    step, time, tools, contacts, depth, iterations, residual, flags, step_us, probes, reactions, work = plain
+    reports = [_tool_report(tool) for tool in tools]
+    first = reports[0] if reports else None
     return StepReport(
         step=step,
         time=time,
-        force=force,
-        torque=torque,
-        tool=tool_pose,
-        device=device_pose,
+        force=first and first.force,
+        torque=first and first.torque,
+        tool=first and first.tool,
+        device=first and first.device,
+        further_tools=tuple(reports[1:]),
         contact_count=contacts,
         max_depth=depth,
         iterations=iterations,

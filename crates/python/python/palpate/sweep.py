@@ -122,7 +122,7 @@ def sweep(
         grid: Values by dotted key, of which every combination is a case; or a list of cases.
         client: A ``dask.distributed.Client``, or an executor of ``concurrent.futures``, whose workers have this package.
             ``None``: processes of this machine.
-        seconds: Time to simulate, s; ``None``: up to the last key of the scene's ``[drive]``.
+        seconds: Time to simulate, s; ``None``: up to the last key of the scene's trajectories.
         measure: Called with each simulation and its trace; returns results by name, numbers and texts. Workers must be able
             to import it.
         workers: Number of processes where there is no client; ``None``: one for each two cores. 1: in this process.

@@ -112,13 +112,7 @@ impl Press {
                 .ball
                 .clone()
                 .map_or(ToolShape::Sphere(self.radius), |file| ToolShape::Surface(Surface::File(file))),
-            mass: MASS,
-            position: start,
-            orientation: DQuat::IDENTITY,
-            velocity: DVec3::ZERO,
-            units: None,
-            scale: 1.0,
-            repair: true,
+            ..Tool::sphere(self.radius, MASS).at(start.to_array())
         };
         // The coupling is so stiff that the ball stays within a few micrometres of the position that the haptic device
         // demands.

@@ -1,0 +1,99 @@
+//! Reads the tools of a scene, the rigid bodies that haptic devices lead: `[tool]`, a single one, or `[[tool]]`, up to
+//! four, each a body of the scene with a coupling and a trajectory of its own. Called by `load.rs`.
+
+use glam::{DQuat, DVec3};
+
+use super::check::{self, MOST_TOOLS};
+use super::keys::{Table, Value};
+use super::units::UNITS;
+use super::{Coupling, FurtherTool, Scene, Tool, ToolShape, body, reference, trajectory};
+use crate::Result;
+
+/// Reads the key `tool` of the scene file's root table, if it is there, into the scene, whose tools it replaces.
+pub(super) fn read(root: &Table, scene: &mut Scene) -> Result<()> {
+    let Some(value) = root.get("tool") else { return Ok(()) };
+    if !value.is_array() {
+        scene.tool = Some(tool(&value)?);
+        scene.drop_further_tools();
+        return Ok(());
+    }
+    for key in ["coupling", "drive"] {
+        if root.has(key) {
+            let problem = "has no meaning beside [[tool]]: it does not say for which tool";
+            return Err(root.error(key, problem, format!("give `{key}` in each [[tool]]")));
+        }
+    }
+    let tables = value.array()?;
+    if tables.is_empty() || tables.len() > MOST_TOOLS {
+        return Err(value.error(format!("has {} tools", tables.len()), format!("give 1 to {MOST_TOOLS}")));
+    }
+    let mut tools: Vec<FurtherTool> = Vec::new();
+    for element in tables {
+        let unnamed = element.table(&reference::TOOLS)?;
+        let name = unnamed.need("name")?.name()?;
+        let table = unnamed.renamed(format!("tool.{name}"));
+        check::tool_name(&name, tools.iter().map(|tool| tool.name.as_str())).map_err(|problem| table.wrong(problem))?;
+        tools.push(FurtherTool {
+            name,
+            body: table.need("body")?.name()?,
+            coupling: table.option("coupling", coupling)?,
+            trajectory: table.option("drive", trajectory::read)?.unwrap_or_default(),
+        });
+    }
+    let first = tools.remove(0);
+    scene.tool = Some(Tool { name: first.name, ..Tool::body(&first.body) });
+    (scene.coupling, scene.trajectory, scene.further_tools) = (first.coupling, first.trajectory, tools);
+    Ok(())
+}
+
+impl Scene {
+    /// Drops all tools after the first of several, and what only one of several tools has: a coupling and a trajectory of
+    /// its own.
+    pub(super) fn drop_further_tools(&mut self) {
+        if !self.further_tools.is_empty() {
+            self.further_tools.clear();
+            (self.coupling, self.trajectory) = (None, Vec::new());
+        }
+    }
+}
+
+fn tool(value: &Value) -> Result<Tool> {
+    let table = value.table(&reference::TOOL)?;
+    let shape_key = table.exactly_one(&["sphere", "surface", "body"])?;
+    let shape_value = table.need(shape_key)?;
+    let shape = match shape_key {
+        "sphere" => ToolShape::Sphere(shape_value.positive()?),
+        "surface" => ToolShape::Surface(body::given_surface(&shape_value)?),
+        _ => ToolShape::Body(shape_value.name()?),
+    };
+    let meaningless: &[&str] = match shape {
+        ToolShape::Sphere(_) => &["units", "scale", "repair"],
+        ToolShape::Surface(_) => &[],
+        ToolShape::Body(_) => &["mass", "position", "orientation", "velocity", "units", "scale", "repair"],
+    };
+    if let Some(key) = meaningless.iter().find(|key| table.has(key)) {
+        return Err(table.error(key, format!("has no meaning together with `{shape_key}`"), "remove it"));
+    }
+    // A tool that is a body of the scene has that body's mass and pose.
+    let mass = if matches!(shape, ToolShape::Body(_)) { 0.0 } else { table.need("mass")?.positive()? };
+    Ok(Tool {
+        position: table.or("position", DVec3::ZERO, Value::vector)?,
+        orientation: table.or("orientation", DQuat::IDENTITY, Value::quaternion)?,
+        velocity: table.or("velocity", DVec3::ZERO, Value::vector)?,
+        units: table.option("units", |value| value.one_of("unit of length", &UNITS))?,
+        scale: table.or("scale", 1.0, Value::positive)?,
+        repair: table.or("repair", true, Value::truth)?,
+        ..Tool::of(shape, mass)
+    })
+}
+
+/// Reads a virtual coupling.
+pub(super) fn coupling(value: &Value) -> Result<Coupling> {
+    let table = value.table(&reference::COUPLING)?;
+    Ok(Coupling {
+        stiffness: table.need("stiffness")?.not_negative()?,
+        damping: table.need("damping")?.not_negative()?,
+        angular_stiffness: table.or("angular_stiffness", 0.0, Value::not_negative)?,
+        angular_damping: table.or("angular_damping", 0.0, Value::not_negative)?,
+    })
+}
