@@ -179,9 +179,8 @@ fn of_the_tool(known: &Known, add: &mut impl FnMut(&'static str, bool, String, &
         count => format!("{count} haptic devices are coupled to a core of a body each"),
     };
     add("held body", model.tool_core().is_some(), held_bodies, no);
-    let couplings = scene.coupling.iter().chain(scene.further_tools.iter().filter_map(|tool| tool.coupling.as_ref()));
-    let couplings = couplings.count();
-    add("virtual coupling", couplings > 0, "added to the equations of the tool".into(), "no coupling");
+    let is_coupled = scene.coupling.is_some() || scene.further_tools.iter().any(|tool| tool.coupling.is_some());
+    add("virtual coupling", is_coupled, "added to the equations of the tool".into(), "no coupling");
     let no = if scene.tool.is_none() { "no tool" } else { "no haptic device: the tool's weight acts on the tool" };
     add("weight carried by the hand", scene.tool.is_some() && held, "a haptic device holds the tool".into(), no);
 }
