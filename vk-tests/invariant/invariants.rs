@@ -227,7 +227,7 @@ const BOUND: f64 = 0.005;
 
 #[test]
 #[ignore = "long: 20 s"]
-fn a_press_stays_finite_for_all_stiffnesses_and_steps() {
+fn lasting_a_press_stays_finite_for_all_stiffnesses_and_steps() {
     for young in [1.0e3, 1.0e4, 1.0e5, 1.0e6, 1.0e7] {
         for dt in [2.5e-4, 1.0e-3, 3.0e-3, 1.0e-2] {
             let scene: Scene = scene(&press(young, dt, Place::default(), ""));

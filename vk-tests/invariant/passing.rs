@@ -67,7 +67,7 @@ fn shoot(tool: &Tool, thickness: f64, speed: f64, h: f64, is_held: bool) -> (boo
 
 #[test]
 #[ignore = "long: 2 min"]
-fn balls_and_cones_do_not_pass_through_sheets_unseen() {
+fn lasting_balls_and_cones_do_not_pass_through_sheets_unseen() {
     let folder = tempfile::tempdir().unwrap();
     let (points, triangles) = lathe(&[(8.7e-5, -0.02), (1e-3, -0.0193), (0.0085, 0.01)], 24);
     let points = points.iter().map(|x| format!("v {:?} {:?} {:?}\n", x.x, x.y, x.z));

@@ -96,7 +96,7 @@ fn tree(subject: &Subject) -> TriMesh {
 
 #[test]
 #[ignore = "needs real meshes"]
-fn real_meshes_in_light_contact_agree_with_f64_rays() {
+fn lasting_real_meshes_in_light_contact_agree_with_f64_rays() {
     let Some(folder) = meshes() else { return };
     let read = |name: &str| {
         let (mesh, _) = repair::read(&folder.join(format!("surf/{name}.obj")), true).unwrap();

@@ -38,7 +38,7 @@ fn measure(name: &str, settings: &Settings) -> Curve {
 
 #[test]
 #[ignore = "long: 22 s"]
-fn tight_solves_are_the_references_and_loose_ones_are_not() {
+fn lasting_tight_solves_are_the_references_and_loose_ones_are_not() {
     let curve = measure("tolerance", &tiny());
     assert!(curve.is_within(), "lines whose error is beyond its bound: {:?}", curve.beyond());
     // The quick settings have two stiffnesses, each solved with two preconditioners.
@@ -111,7 +111,7 @@ fn lasting_presets_are_settings_that_were_measured() {
 
 #[test]
 #[ignore = "long: 17 s"]
-fn a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
+fn lasting_a_wrong_sign_in_a_kernel_turns_the_verdict_red() {
     // With this fault contact forces pull where they should push; the solver still converges.
     let bytes = spoil::spoiled("solve/assemble", "b -= f * n;", "b += f * n;");
     let curve = measure("tolerance", &Settings { replaced: vec![("solve/assemble".into(), bytes)], ..tiny() });

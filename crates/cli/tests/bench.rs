@@ -124,7 +124,7 @@ fn a_tiny_run_answers_every_question_of_the_solver() {
 
 #[test]
 #[ignore = "long: 19 s"]
-fn a_tiny_run_answers_every_question_of_the_loop() {
+fn lasting_a_tiny_run_answers_every_question_of_the_loop() {
     let settings = haptics::Settings {
         dampings: vec![0.0],
         delays: vec![0.0, 20e-3],

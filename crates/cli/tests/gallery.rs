@@ -97,7 +97,7 @@ fn mean_force(rows: &[StepReport], is_there: impl Fn(f64) -> bool) -> f64 {
 /// This test lasts for two minutes on two CPU cores.
 #[test]
 #[ignore = "lasts for minutes"]
-fn the_gallery_runs_to_its_end_without_flags() {
+fn lasting_the_gallery_runs_to_its_end_without_flags() {
     for name in NAMES {
         let rows = run(name);
         let contacts = rows.iter().filter(|row| row.contacts.is_some_and(|count| count > 0)).count();
@@ -115,7 +115,7 @@ fn the_gallery_runs_to_its_end_without_flags() {
 /// This test lasts for a minute on two CPU cores.
 #[test]
 #[ignore = "lasts for a minute"]
-fn the_gallery_looks_like_its_pictures() {
+fn lasting_the_gallery_looks_like_its_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
     command.current_dir(root()).args(["figures", "--gallery", "--out"]).arg(folder.path());

@@ -80,7 +80,7 @@ fn the_path_of_depth_is_said_and_the_command_line_wins() {
 
 #[test]
 #[ignore = "needs real meshes"]
-fn real_meshes_are_prepared_and_pressed() {
+fn lasting_real_meshes_are_prepared_and_pressed() {
     let Some(folder) = meshes() else { return };
     for name in ["head", "pumpkin", "gear", "human"] {
         press(name, folder.join(format!("surf/{name}.obj")).to_str().unwrap());

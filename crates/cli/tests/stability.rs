@@ -71,7 +71,7 @@ fn turning_too_far_and_being_inside_out_are_told_in_the_steps_concerned() {
 
 #[test]
 #[ignore = "long: 15 s"]
-fn a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
+fn lasting_a_fault_in_a_kernel_turns_verdicts_red_by_the_invariant_that_it_breaks() {
     let made = "contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, stiffness, damping";
     let faults = [
         // Fault: elastic forces accelerate the body away from its rest shape.

@@ -52,7 +52,7 @@ fn must_be_noticed(faults: &[Fault]) {
 
 #[test]
 #[ignore = "long: 30 s"]
-fn a_fault_in_each_law_turns_a_case_red() {
+fn lasting_a_fault_in_each_law_turns_a_case_red() {
     must_be_noticed(&[
         // The corotational law: shear modulus; Lamé's first parameter.
         (FORCES, LAW, "linear_stress(e, 1.01 * material.mu, lambda)", "patch"),

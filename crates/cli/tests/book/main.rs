@@ -248,7 +248,7 @@ fn run(page: &Page, display: &Display, cache: &Path) -> Result<(), String> {
 
 #[test]
 #[ignore = "long: it runs every command of the book"]
-fn every_command_of_readme_and_book_succeeds() {
+fn lasting_commands_of_readme_and_book_succeed() {
     let (display, cache) = (Display::start(), tempfile::tempdir().unwrap());
     let only = std::env::var("PALPATE_PAGE").unwrap_or_default();
     let waiting = Mutex::new(pages().into_iter().filter(|page| page.name.contains(&only)));

@@ -453,7 +453,7 @@ fn a_device_with_its_driver_passes_the_check() {
 /// plays is one that was commanded.
 #[test]
 #[ignore = "takes a minute"]
-fn a_minute_of_samples_and_forces() {
+fn lasting_a_minute_of_samples_and_forces() {
     fn run<L: Library>(stand_in: &StandIn, to_device: impl Fn(DVec3) -> DVec3, unit: f64) {
         let path = |t: f64| DVec3::new(0.03 * t.sin(), 0.02 * (1.3 * t).cos() - 0.02, 0.01 * (0.7 * t).sin());
         let mut device: Vendor<L> = opened(stand_in);
