@@ -148,7 +148,7 @@ impl Simulation {
     /// the call gave it.
     pub fn step(&mut self) -> Result<StepReport> {
         let h = self.scene.step.dt;
-        self.has_weight = true;
+        self.leave_loop();
         self.step_to(self.next_end(h), h)
     }
 
@@ -160,6 +160,32 @@ impl Simulation {
     /// soft body keeps the simulation's own state. The weight of the tool is compensated and not felt.
     #[doc(hidden)]
     pub fn step_device_input(&mut self, input: &DeviceInput, h: f64) -> Result<StepReport> {
+        self.step_device_inputs(std::slice::from_ref(input), h)
+    }
+
+    /// Like [`Simulation::step_device_input`], for several haptic devices: `inputs` are those of the first tools in the
+    /// scene's order. The devices of the other tools follow their trajectories.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there is no input, or there are more inputs than tools.
+    #[doc(hidden)]
+    pub fn step_device_inputs(&mut self, inputs: &[DeviceInput], h: f64) -> Result<StepReport> {
+        let tools = 1 + self.further_tools.len();
+        let [input, further @ ..] = inputs else {
+            return Err(Error::Usage(
+                "a step of the haptic loop needs the state of a device; give one for each".into(),
+            ));
+        };
+        if inputs.len() > tools {
+            let problem = format!("{} haptic devices are given, but only {tools} can lead a tool", inputs.len());
+            return Err(Error::Usage(format!("{problem}; give one for each tool at most")));
+        }
+        for (index, tool) in self.further_tools.iter_mut().enumerate() {
+            match further.get(index) {
+                Some(input) => tool.follow_loop(input, self.time),
+                None => tool.leave_loop(),
+            }
+        }
         let time = self.time + h;
         self.has_weight = false;
         let RigidState { position, orientation, .. } = input.device;
@@ -181,11 +207,20 @@ impl Simulation {
         let row = self.step_to(time, h);
         self.max_force = f64::INFINITY;
         let row = row?;
-        if let Some(wrench) = &mut self.last_wrench {
+        let has_kinematic_motion = self.frames.has_kinematic_motion(time - h, time);
+        let wrenches =
+            self.last_wrench.iter_mut().chain(self.further_tools.iter_mut().filter_map(|t| t.wrench.as_mut()));
+        for (wrench, input) in wrenches.zip(inputs) {
             (wrench.time, wrench.h) = (input.time, h);
-            wrench.has_kinematic_motion = self.frames.has_kinematic_motion(time - h, time);
+            wrench.has_kinematic_motion = has_kinematic_motion;
         }
         Ok(row)
+    }
+
+    /// Has the tools weigh again what they weigh, after a step for the haptic loop.
+    fn leave_loop(&mut self) {
+        self.has_weight = true;
+        self.further_tools.iter_mut().for_each(HeldTool::leave_loop);
     }
 
     /// The contact wrench on the tool in the last step; `None` without a tool or before the first step. Stiffness and
@@ -195,12 +230,21 @@ impl Simulation {
         self.last_wrench.as_ref()
     }
 
+    /// The contact wrenches of the last step on the tools that `inputs`, those of that step, led; without contact where
+    /// there is no tool.
+    #[doc(hidden)]
+    pub fn contact_wrenches(&self, inputs: &[DeviceInput]) -> Vec<ContactWrench> {
+        let wrenches = std::iter::once(self.last_wrench).chain(self.further_tools.iter().map(|tool| tool.wrench));
+        let nothing = |input: &DeviceInput| ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
+        inputs.iter().zip(wrenches).map(|(input, wrench)| wrench.unwrap_or_else(|| nothing(input))).collect()
+    }
+
     /// Simulates a step of the scene's `dt` that ends with the haptic device in this pose; the device moves there
     /// uniformly from its last pose.
     pub fn step_at(&mut self, pose: Pose) -> Result<StepReport> {
         let h = self.scene.step.dt;
         let end = self.next_end(h);
-        self.has_weight = true;
+        self.leave_loop();
         self.trajectory.lead(end - h, Key { time: end, position: pose.position, orientation: pose.orientation });
         self.step_to(end, h)
     }
@@ -240,7 +284,10 @@ impl Simulation {
         let probes = self.read_probes()?;
         self.last_reactions = self.read_reactions(&report)?;
         let friction = self.scene.contact.friction;
-        self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, self.step, &report, friction));
+        self.last_wrench = self.tool.as_ref().map(|tool| tools::contact_wrench(tool, 0, self.step, &report, friction));
+        for (index, tool) in self.further_tools.iter_mut().enumerate() {
+            tool.feel(index, self.step, &report, friction);
+        }
         self.add_gap(&report)?;
         Ok(self.row(&report, (time, h), &device, probes, begun))
     }
@@ -261,10 +308,12 @@ impl Simulation {
         self.model.pairs.iter().map(|pair| f64::from(pair.stiffness)).fold(0.0, f64::max)
     }
 
-    /// Sets the virtual coupling between tool and haptic device from now on. The haptic loop sets a coupling of its
-    /// own; a caller that continues without the loop should restore the earlier one.
+    /// Sets the virtual coupling between tool and haptic device from now on, of several tools that of the first; the others
+    /// get their scene's. A haptic loop sets couplings of its own, and a caller that continues without the loop should
+    /// restore the earlier ones.
     #[doc(hidden)]
     pub fn couple(&mut self, coupling: Option<Coupling>) {
+        self.further_tools.iter_mut().for_each(HeldTool::leave_loop);
         if let Some(tool) = &mut self.tool {
             tool.coupling = coupling;
         }
@@ -393,6 +442,12 @@ impl Simulation {
         self.tool.as_ref()
     }
 
+    /// The tools in the scene's order; those that are bodies of the scene move with their bodies' cores.
+    #[doc(hidden)]
+    pub fn tools(&self) -> impl Iterator<Item = &Tool> {
+        self.tool.iter().chain(self.further_tools.iter().map(|tool| &tool.tool))
+    }
+
     /// The current poses of a body's rigid coordinate frames: one per core, and one that rests where it has
     /// supports; or a single frame, which floats with a soft body without cores and supports, or carries the skin of a
     /// rigid body; none for a half-space.
@@ -475,7 +530,7 @@ impl Simulation {
             params.tool_centre = (tool.centre - origin).as_vec3().to_array();
         }
         for (held, tool) in params.held[1..].iter_mut().zip(&self.further_tools) {
-            *held = tool.held_core(time, h, origin);
+            *held = tool.held_core(time, h, step.gravity, origin);
         }
         self.stages.common.params.mapped_mut::<StepParams>()?[0] = params;
 
@@ -526,8 +581,8 @@ impl Simulation {
             tool: self.tool.as_ref().map(|tool| ToolReport {
                 tool: Pose { position: tool.centre, orientation: tool.orientation },
                 device: Pose { position: device.position, orientation: device.orientation },
-                force: vector(report.force),
-                torque: vector(report.torque),
+                force: vector(report.tools[0].force),
+                torque: vector(report.tools[0].torque),
             }),
             further_tools: (self.further_tools.iter().enumerate())
                 .map(|(index, tool)| tool.report(time, h, report, index))

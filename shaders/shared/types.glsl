@@ -325,10 +325,14 @@ const uint STATUS_CONVERGED = 1;    // the residual is below the tolerance, and 
 const uint STATUS_STOPPED = 2;      // the solver reached max_iterations
 const uint STATUS_BROKEN = 3;       // the operator seems not to be positive definite, or a number is NaN or infinite
 
-// Net force and torque of the contacts on a tool.
-struct ToolForce {
-    float force[3];             // N
-    float torque[3];            // about the tool's centre, N m
+// What the contacts do to a tool.
+struct ToolWrench {
+    float force[3];             // net force, N
+    float torque[3];            // net torque about the tool's centre, N m
+    float pressing;             // sum of the magnitudes of the normal forces, N
+    float friction[3];          // friction, a part of `force`, N
+    float stiffness[21];        // contact stiffness that the tool feels, upper triangle of the 6x6 matrix by rows
+    float damping[21];          // contact damping that the tool feels, laid out like the stiffness
 };
 
 // Results that the host reads back after the step.
@@ -344,14 +348,8 @@ struct Report {
     float max_depth;            // greatest penetration depth of a contact, m
     float turn;                 // largest rotation of a contact patch's normal since the last step, rad
     uint flags;                 // warnings of the step: bits FLAG_*
-    float force[3];             // net force of the contacts on the tool, N
-    float torque[3];            // net torque of the contacts on the tool, about its centre, N m
-    float pressing;             // sum of the magnitudes of the contacts' normal forces on the tool, N
-    float friction[3];          // friction of the contacts on the tool, a part of `force`, N
     float tool_change[6];       // change of the tool's twist over the step, m/s and rad/s
-    float stiffness[21];        // contact stiffness that the tool feels, upper triangle of the 6x6 matrix by rows
-    float damping[21];          // contact damping that the tool feels, laid out like the stiffness
-    ToolForce further[MOST_TOOLS - 1];      // forces of the contacts on the tools after the first
+    ToolWrench tools[MOST_TOOLS];           // in the scene's order
 };
 
 // A part of a skin that the tool may touch: some chunks of one proxy.

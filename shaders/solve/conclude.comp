@@ -162,10 +162,11 @@ void main() {
             verdict = VERDICT_FAILED;
             solve.solution_dt = 0.0;
             // A failed step applies no force to the tools.
-            for (int k = 0; k < 3; k++) report.force[k] = report.torque[k] = report.friction[k] = 0.0;
-            report.pressing = 0.0;
-            for (int k = 0; k < 3; k++) {
-                for (uint t = 1; t < TOOLS; t++) report.further[t - 1].force[k] = report.further[t - 1].torque[k] = 0.0;
+            for (uint t = 0; t < TOOLS; t++) {
+                report.tools[t].pressing = 0.0;
+                for (int k = 0; k < 3; k++) {
+                    report.tools[t].force[k] = report.tools[t].torque[k] = report.tools[t].friction[k] = 0.0;
+                }
             }
         }
         if (!failed && params.newton > 1 && !is_check) {

@@ -7,10 +7,10 @@
 
 // Wrench: computes the net contact force on each tool (rigid body that a haptic device leads), and the net torque about
 // the tool's centre. The force of a contact consists of the normal force a max(0, k delta + d delta') and friction, both
-// at the end of the step, as the solver applied them; for the first tool friction is reported by itself as well. For a
-// haptic loop the kernel also computes the contact stiffness and damping that the first tool feels, sum a k J^T n n^T J
-// and sum J^T (a d n n^T + c (I - n n^T)) J over contacts, with J a contact's Jacobian with respect to the tool's twist;
-// the compliance of the bodies is left out. Symbols of a contact are as in shared/contact_law.glsl: area a (m^2),
+// at the end of the step, as the solver applied them; friction is reported by itself as well. For a haptic loop the kernel
+// also computes the contact stiffness and damping that a tool feels, sum a k J^T n n^T J and
+// sum J^T (a d n n^T + c (I - n n^T)) J over contacts, with J a contact's Jacobian with respect to the tool's twist; the
+// compliance of the bodies is left out. Symbols of a contact are as in shared/contact_law.glsl: area a (m^2),
 // stiffness k (N/m^3), damping d (N s/m^3), depth delta (m), its rate delta' (m/s), and friction coefficient c (N s/m:
 // friction is -c times the sliding velocity); n is the unit normal. Without a haptic loop the stiffness and damping are
 // zero. One workgroup runs for each tool. The f64 reference implementation is oracle::wrench.
@@ -45,7 +45,7 @@ bool turn_to(uint tool, inout Contact contact) {
 
 void main() {
     uint lane = gl_LocalInvocationID.x, tool = TOOLS > 1 ? gl_WorkGroupID.x : 0;
-    bool wants_stiffness = tool == 0 && params.wants_stiffness != 0;
+    bool wants_stiffness = params.wants_stiffness != 0;
     // `sums` holds the force, the torque, the upper triangles of stiffness and damping, the sum of the normal forces'
     // magnitudes, and the friction.
     float sums[52];
@@ -88,21 +88,14 @@ void main() {
         for (int l = 0; l < 4; l++) sums[k + l] = part[l];
     }
     if (lane != 0) return;
-    if (TOOLS > 1 && tool > 0) {
-        for (int k = 0; k < 3; k++) {
-            report.further[tool - 1].force[k] = sums[k];
-            report.further[tool - 1].torque[k] = sums[3 + k];
-        }
-        return;
-    }
     for (int k = 0; k < 3; k++) {
-        report.force[k] = sums[k];
-        report.torque[k] = sums[3 + k];
-        report.friction[k] = sums[49 + k];
+        report.tools[tool].force[k] = sums[k];
+        report.tools[tool].torque[k] = sums[3 + k];
+        report.tools[tool].friction[k] = sums[49 + k];
     }
-    report.pressing = sums[48];
+    report.tools[tool].pressing = sums[48];
     for (int k = 0; k < 21; k++) {
-        report.stiffness[k] = sums[6 + k];
-        report.damping[k] = sums[27 + k];
+        report.tools[tool].stiffness[k] = sums[6 + k];
+        report.tools[tool].damping[k] = sums[27 + k];
     }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 /// A tick that begins more than this time after its deadline has missed that deadline, s.
 pub const MISSED: f64 = 2e-3;
 
-/// Wakes the thread that waits for it at whole multiples of a period, counted from the metronome's creation.
+/// Wakes the thread that waits for it at whole multiples of a period, counted from its beginning.
 #[derive(Debug)]
 pub struct Metronome {
     begun: Instant,
@@ -18,7 +18,7 @@ pub struct Metronome {
 /// One wake-up of the metronome.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beat {
-    /// Time of the wake-up since the metronome was created, s.
+    /// Time of the wake-up since the metronome began, s.
     pub time: f64,
     /// Delay of the wake-up after its deadline, s.
     pub late: f64,
@@ -27,7 +27,12 @@ pub struct Beat {
 impl Metronome {
     /// Creates a metronome that wakes its thread every `period` s from now on.
     pub fn new(period: f64) -> Metronome {
-        Metronome { begun: Instant::now(), period: Duration::from_secs_f64(period), next: 0 }
+        Metronome::since(Instant::now(), period)
+    }
+
+    /// Creates a metronome that wakes its thread every `period` s since `begun`.
+    pub fn since(begun: Instant, period: f64) -> Metronome {
+        Metronome { begun, period: Duration::from_secs_f64(period), next: 0 }
     }
 
     /// Sleeps until the next deadline. Deadlines that have already passed are skipped, not made up for.
@@ -38,11 +43,6 @@ impl Metronome {
         let passed = (now.as_nanos() / self.period.as_nanos().max(1)) as u64;
         self.next = passed.max(self.next) + 1;
         Beat { time: now.as_secs_f64(), late: now.saturating_sub(due).as_secs_f64() }
-    }
-
-    /// The time at which the metronome was created.
-    pub fn begun(&self) -> Instant {
-        self.begun
     }
 }
 

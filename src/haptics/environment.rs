@@ -6,15 +6,25 @@
 use glam::DVec3;
 
 use super::local_model::in_series;
-use crate::Result;
 use crate::step::tool::{Rows, Tool};
 use crate::step::{ContactWrench, DeviceInput, Gap, RigidState, Simulation, Wrench};
+use crate::{Error, Result};
 
 /// A source of contact wrenches: each step computes one wrench from the loop's state.
 pub trait Environment {
     /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench
     /// at the end of the step.
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench>;
+
+    /// Like [`Environment::feel`], for several devices: `inputs` are those of the first tools, and the result has a
+    /// contact wrench for each. An environment of one tool takes one device.
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
+        let [input] = inputs else {
+            let problem = format!("{} haptic devices are given for what has one tool", inputs.len());
+            return Err(Error::Usage(format!("{problem}; give one")));
+        };
+        Ok(vec![self.feel(input, h)?])
+    }
 
     /// Called after each step when the loop has its wrench: what takes time, but the wrench need not wait for, is done
     /// here.
@@ -28,6 +38,11 @@ impl Environment for Simulation {
         self.step_device_input(input, h)?;
         let nothing = || ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
         Ok(self.contact_wrench().copied().unwrap_or_else(nothing))
+    }
+
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
+        self.step_device_inputs(inputs, h)?;
+        Ok(self.contact_wrenches(inputs))
     }
 }
 

@@ -36,18 +36,15 @@ pub struct ServoThread {
 }
 
 impl ServoThread {
-    /// Opens the device and starts the loop. Setting `stop` ends the loop from outside, for example from a signal
+    /// Starts the loop, whose clock began at `begun`. Setting `stop` ends the loop from outside, for example from a signal
     /// handler; the device exerts no force after that.
-    pub fn start(mut device: Box<dyn Device>, servo: Servo, stop: Arc<AtomicBool>) -> Result<ServoThread, Fault> {
-        device.open()?;
+    pub fn start(device: Opened, servo: Servo, stop: Arc<AtomicBool>, begun: Instant) -> Result<ServoThread, Fault> {
         let (wrenches, newest) = triple_buffer::triple_buffer(&servo.newest());
         let (out, states) = triple_buffer::triple_buffer(&servo.input());
         let (record, ticks) = rtrb::RingBuffer::new(ROOM);
-        let metronome = Metronome::new(servo.period());
-        let begun = metronome.begun();
+        let metronome = Metronome::since(begun, servo.period());
         let links = Links { newest, out, record, stop: stop.clone() };
         let (tell, told) = std::sync::mpsc::channel();
-        let device = Opened(device);
         let work = move || {
             // `start` waits for this message, and for nothing else that this thread does.
             let _ = tell.send(raise_priority());
@@ -108,7 +105,15 @@ struct Links {
 }
 
 /// An open device. Dropping it, even because of a panic, closes the device, which then exerts no force.
-struct Opened(Box<dyn Device>);
+pub struct Opened(Box<dyn Device>);
+
+impl Opened {
+    /// Opens the device.
+    pub fn new(mut device: Box<dyn Device>) -> Result<Opened, Fault> {
+        device.open()?;
+        Ok(Opened(device))
+    }
+}
 
 impl Drop for Opened {
     fn drop(&mut self) {
@@ -240,7 +245,9 @@ mod tests {
 
     fn start(panics_at: Option<u32>) -> (ServoThread, Told) {
         let (settings, tool, device, told) = making(panics_at);
-        (ServoThread::start(device, Servo::new(settings, tool), Arc::default()).unwrap(), told)
+        let device = Opened::new(device).unwrap();
+        let thread = ServoThread::start(device, Servo::new(settings, tool), Arc::default(), Instant::now());
+        (thread.unwrap(), told)
     }
 
     fn making(panics_at: Option<u32>) -> (Settings, Tool, Box<dyn Device>, Told) {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::clock::Lateness;
 use super::coupling;
-use super::device::Device;
+use super::device::{Device, Fault};
 use super::environment::Environment;
 use super::event::{Event, EventCounts};
 use super::pace::Pace;
@@ -17,8 +17,8 @@ use super::passivity::Energy;
 use super::prediction::Prediction;
 use super::safety::Limits;
 use super::servo::{Servo, Settings, Tick};
-use super::servo_thread::{BareTimer, ServoThread};
-use crate::scene::Haptics;
+use super::servo_thread::{BareTimer, Opened, ServoThread};
+use crate::scene::{Haptics, Profile};
 use crate::step::tool::Tool;
 use crate::step::{ContactWrench, DeviceInput, Wrench};
 use crate::{Error, Result};
@@ -42,23 +42,25 @@ pub struct Options {
     pub bare_timer: bool,
 }
 
-/// A record of a session; records come in chronological order.
+/// A record of a session. The steps come in their order, and so do the ticks of each loop.
 #[derive(Debug, Clone, Copy)]
 pub enum Moment<'a> {
     /// A line that the user should read. Notes are recorded as soon as the device is open and the loop has started.
     Note(&'a str),
-    /// Settings and tool of the loop at its beginning.
-    Begin(&'a Settings, &'a Tool),
-    /// A tick of the loop.
-    Tick(&'a Tick),
-    /// A step of the simulation: the state of device and tool that it started from, its length (s), and the wrench it
-    /// found.
-    Step(&'a DeviceInput, f64, &'a ContactWrench),
+    /// Settings and tool of a loop at its beginning, with the index of its tool.
+    Begin(usize, &'a Settings, &'a Tool),
+    /// A tick of the loop of this tool.
+    Tick(usize, &'a Tick),
+    /// A step of the simulation: the states of devices and tools that it started from, its length (s), and the wrenches it
+    /// found, one for each device.
+    Step(&'a [DeviceInput], f64, &'a [ContactWrench]),
 }
 
 /// Summary of a session.
 #[derive(Debug, Clone)]
 pub struct Report {
+    /// Name of the tool that the device led, as [`Leader::name`] gives it; empty in a session of one device.
+    pub tool: String,
     /// Name of the device's profile, which is the table of the device's limits (force, torque, stiffness and others).
     pub profile: &'static str,
     /// Notes for the user, one line each: the reason for the coupling's gains, and anything unusual at the start.
@@ -130,74 +132,151 @@ impl Default for Staleness {
     }
 }
 
-/// Runs a session until its time is over, `options.stop` is set, or the device cannot be read or written for too long.
-/// `record` is called with every record, in order. However the session ends, the device then exerts no force and is
-/// closed.
+/// A haptic device and the tool that it leads.
+pub struct Leader {
+    /// Name of the tool, which stands before the notes on it in a session of several devices.
+    pub name: String,
+    /// The device, not opened yet.
+    pub device: Box<dyn Device>,
+    /// The tool in its state at the beginning.
+    pub tool: Tool,
+    /// Settings of the device's haptic loop.
+    pub haptics: Haptics,
+}
+
+/// Like [`hold_each`], with one device.
 pub fn hold(
     device: Box<dyn Device>,
     tool: &Tool,
     haptics: &Haptics,
     environment: &mut dyn Environment,
     options: &Options,
-    mut record: impl FnMut(Moment) -> Result<()>,
+    record: impl FnMut(Moment) -> Result<()>,
 ) -> Result<Report> {
-    let mut notes = device.notes();
-    let mut profile = device.profile().clone();
-    profile.resolution = haptics.resolution.or(profile.resolution);
-    let (limits, refused) = Limits::new(&profile, &haptics.limits);
-    for key in refused {
-        notes.push(format!("haptics.{key} exceeds the limit of profile {}; the profile's limit is used", profile.name));
+    let leader = Leader { name: String::new(), device, tool: tool.clone(), haptics: haptics.clone() };
+    hold_each(vec![leader], environment, options, record).map(|mut reports| reports.remove(0))
+}
+
+/// Runs a session until its time is over, `options.stop` is set, or no device can be read or written for too long. The
+/// devices lead the first tools in the scene's order, each in a haptic loop of its own; all loops have one clock. A loop
+/// knows nothing of the others, so that a fault of one device leaves the others' forces as they are. `record` is called
+/// with every record, in order. However the session ends, the devices then exert no force and are closed. The result has
+/// a report for each device.
+pub fn hold_each(
+    leaders: Vec<Leader>,
+    environment: &mut dyn Environment,
+    options: &Options,
+    mut record: impl FnMut(Moment) -> Result<()>,
+) -> Result<Vec<Report>> {
+    if leaders.is_empty() {
+        return Err(Error::Usage("a session needs a haptic device; give one".into()));
     }
-    let first = first_steps(environment, tool, options.shortest_step, limits.force)?;
-    let period = 1.0 / haptics.rate;
-    let delay = if haptics.local_model { 0.0 } else { first.staleness };
-    let inertia = (0..3).map(|k| tool.inertia.col(k)[k]).sum::<f64>() / 3.0;
-    let gains = coupling::choose(&profile, period, delay, tool.mass, inertia, tool.coupling.as_ref());
-    notes.push(gains.reason);
-    let settings = Settings {
-        period,
-        limits,
-        local_model: haptics.local_model,
-        passivity: haptics.passivity,
-        most_damping: gains.most_damping,
-        trust: haptics.trust,
-        arm: (inertia / tool.mass).sqrt(),
-        resolution: profile.step(),
-    };
-    let tool = Tool { coupling: Some(gains.coupling), ..tool.clone() };
-    record(Moment::Begin(&settings, &tool))?;
-    for (input, wrench) in &first.steps {
-        record(Moment::Step(input, options.shortest_step, wrench))?;
+    let longest_step = leaders.iter().map(|leader| leader.haptics.longest_step).fold(f64::INFINITY, f64::min);
+    let is_alone = leaders.len() == 1;
+    let mut prepared: Vec<Prepared> = leaders.into_iter().map(|leader| Prepared::new(leader, is_alone)).collect();
+    let first = first_steps(environment, &prepared, options.shortest_step)?;
+    let mut servos = Vec::new();
+    for (index, leader) in prepared.iter_mut().enumerate() {
+        let (settings, tool) = leader.settings(first.staleness);
+        record(Moment::Begin(index, &settings, &tool))?;
+        servos.push((settings, Servo::new(settings, tool)));
     }
-    let servo = Servo::new(settings, tool);
-    let bare = options.bare_timer.then(|| BareTimer::start(period));
-    let thread = ServoThread::start(device, servo, options.stop.clone());
-    let thread = thread.map_err(|fault| Error::NoDevice(fault.to_string()))?;
-    if let Err(reason) = &thread.priority {
-        notes.push(format!(
-            "the loop has no elevated priority ({reason}): allow real-time scheduling for fewer late ticks"
-        ));
+    for (inputs, wrenches) in &first.steps {
+        record(Moment::Step(inputs, options.shortest_step, wrenches))?;
     }
-    notes.iter().try_for_each(|note| record(Moment::Note(note)))?;
-    let mut session = Session::new(thread, profile.name, notes, period, &settings);
-    if let Some((_, wrench)) = first.steps.last() {
-        session.thread.give(*wrench);
+    let bare = options.bare_timer.then(|| BareTimer::start(servos[0].0.period));
+    let no_device = |prefix: &str, fault: Fault| Error::NoDevice(format!("{prefix}{fault}"));
+    let mut opened = Vec::new();
+    for leader in prepared {
+        let device = Opened::new(leader.leader.device).map_err(|fault| no_device(&leader.prefix, fault))?;
+        let tool = if is_alone { String::new() } else { leader.leader.name };
+        opened.push((device, tool, leader.prefix, leader.profile.name, leader.notes));
     }
-    let ended = session.run(environment, options, haptics, &first, &mut record);
-    let has_failed = !session.thread.stop();
+    let begun = Instant::now();
+    let mut session = Session { loops: Vec::new(), ended: None, steps: 0, pace: 1.0 };
+    for ((device, tool, prefix, profile, mut notes), (settings, servo)) in opened.into_iter().zip(servos) {
+        let thread = ServoThread::start(device, servo, options.stop.clone(), begun);
+        let thread = thread.map_err(|fault| no_device(&prefix, fault))?;
+        if let Err(reason) = &thread.priority {
+            notes.push(format!(
+                "{prefix}the loop has no elevated priority ({reason}): allow real-time scheduling for fewer late ticks"
+            ));
+        }
+        notes.iter().try_for_each(|note| record(Moment::Note(note)))?;
+        session.loops.push(Loop::new(thread, tool, prefix, profile, notes, &settings));
+    }
+    if let Some((_, wrenches)) = first.steps.last() {
+        session.give(wrenches);
+    }
+    let ended = session.run(environment, options, longest_step, &first, &mut record);
+    // The flag stops all loops; none waits for another to end.
+    let mut failed = None;
+    for one in &mut session.loops {
+        if !one.thread.stop() {
+            failed = failed.or(Some(one.prefix.clone()));
+        }
+    }
     let taken = session.take_ticks(&mut record);
-    session.report.lost = session.thread.newest().ticks.saturating_sub(session.report.lateness.ticks());
-    session.report.bare = bare.and_then(BareTimer::stop);
+    let bare = bare.and_then(BareTimer::stop);
     ended.and(taken)?;
-    match has_failed {
-        true => Err(Error::Simulation("the haptic loop's thread panicked; the device was released".into())),
-        false => Ok(session.report),
+    match failed {
+        Some(of) => Err(Error::Simulation(format!("{of}the haptic loop's thread panicked; the device was released"))),
+        None => Ok(session.reports(bare)),
     }
 }
 
-/// Results of the simulation steps that run before the loop begins.
+/// A leader before its loop begins.
+struct Prepared {
+    leader: Leader,
+    /// What stands before the notes on this leader.
+    prefix: String,
+    profile: Profile,
+    limits: Limits,
+    notes: Vec<String>,
+}
+
+impl Prepared {
+    fn new(leader: Leader, is_alone: bool) -> Prepared {
+        let prefix = if is_alone { String::new() } else { format!("{}: ", leader.name) };
+        let mut notes = leader.device.notes();
+        let mut profile = leader.device.profile().clone();
+        profile.resolution = leader.haptics.resolution.or(profile.resolution);
+        let (limits, refused) = Limits::new(&profile, &leader.haptics.limits);
+        for key in refused {
+            notes.push(format!(
+                "haptics.{key} exceeds the limit of profile {}; the profile's limit is used",
+                profile.name
+            ));
+        }
+        notes.iter_mut().for_each(|note| note.insert_str(0, &prefix));
+        Prepared { leader, prefix, profile, limits, notes }
+    }
+
+    /// Settings of the loop and the tool with its coupling, where a wrench is out of date by `staleness`, s, at most.
+    fn settings(&mut self, staleness: f64) -> (Settings, Tool) {
+        let Leader { tool, haptics, .. } = &self.leader;
+        let period = 1.0 / haptics.rate;
+        let delay = if haptics.local_model { 0.0 } else { staleness };
+        let inertia = (0..3).map(|k| tool.inertia.col(k)[k]).sum::<f64>() / 3.0;
+        let gains = coupling::choose(&self.profile, period, delay, tool.mass, inertia, tool.coupling.as_ref());
+        self.notes.push(format!("{}{}", self.prefix, gains.reason));
+        let settings = Settings {
+            period,
+            limits: self.limits,
+            local_model: haptics.local_model,
+            passivity: haptics.passivity,
+            most_damping: gains.most_damping,
+            trust: haptics.trust,
+            arm: (inertia / tool.mass).sqrt(),
+            resolution: self.profile.step(),
+        };
+        (settings, Tool { coupling: Some(gains.coupling), ..tool.clone() })
+    }
+}
+
+/// Results of the simulation steps that run before the loops begin.
 struct FirstSteps {
-    steps: Vec<(DeviceInput, ContactWrench)>,
+    steps: Vec<(Vec<DeviceInput>, Vec<ContactWrench>)>,
     /// Wall-clock time of one step, s.
     took: f64,
     /// Greatest time by which a wrench gets out of date, s: a wrench stays the newest until the next step has finished.
@@ -205,15 +284,18 @@ struct FirstSteps {
     staleness: f64,
 }
 
-/// Simulates [`FIRST_STEPS`] steps with the tool at rest and uncoupled. The first step is not timed, because many GPU
+/// Simulates [`FIRST_STEPS`] steps with the tools at rest and uncoupled. The first step is not timed, because many GPU
 /// drivers are slow in it.
-fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force: f64) -> Result<FirstSteps> {
-    let state = tool.state();
-    let input = DeviceInput { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force };
+fn first_steps(environment: &mut dyn Environment, leaders: &[Prepared], h: f64) -> Result<FirstSteps> {
+    let input = |leader: &Prepared| {
+        let (state, max_force) = (leader.leader.tool.state(), leader.limits.force);
+        DeviceInput { ticks: 0, time: 0.0, device: state, tool: state, coupling: None, max_force }
+    };
+    let inputs: Vec<DeviceInput> = leaders.iter().map(input).collect();
     let (mut steps, mut times) = (Vec::new(), Vec::new());
     for _ in 0..FIRST_STEPS {
         let begun = Instant::now();
-        steps.push((input, environment.feel(&input, h)?));
+        steps.push((inputs.clone(), environment.feel_each(&inputs, h)?));
         times.push(begun.elapsed().as_secs_f64());
         environment.after()?;
     }
@@ -223,23 +305,35 @@ fn first_steps(environment: &mut dyn Environment, tool: &Tool, h: f64, max_force
     Ok(FirstSteps { steps, took, staleness: 2.0 * took })
 }
 
+/// The haptic loops of a session and the simulation beside them.
 struct Session {
+    loops: Vec<Loop>,
+    ended: Option<String>,
+    steps: u64,
+    pace: f64,
+}
+
+/// The haptic loop of one device.
+struct Loop {
     thread: ServoThread,
+    prefix: String,
     report: Report,
     period: f64,
     prediction: Prediction,
     lost_since: Option<f64>,
 }
 
-impl Session {
+impl Loop {
     fn new(
         thread: ServoThread,
+        tool: String,
+        prefix: String,
         profile: &'static str,
         notes: Vec<String>,
-        period: f64,
         settings: &Settings,
-    ) -> Session {
+    ) -> Loop {
         let report = Report {
+            tool,
             profile,
             notes,
             lateness: Lateness::new(),
@@ -255,7 +349,33 @@ impl Session {
             lost: 0,
             ended: None,
         };
-        Session { thread, report, period, prediction: Prediction::new(settings.arm), lost_since: None }
+        let prediction = Prediction::new(settings.arm);
+        Loop { thread, prefix, report, period: settings.period, prediction, lost_since: None }
+    }
+
+    /// Adds the predicted and the observed change of force from the previous wrench to this one.
+    fn compare(&mut self, wrench: &ContactWrench) {
+        if let Some([predicted, observed]) = self.prediction.take(wrench) {
+            self.report.foretold.0 += predicted.abs();
+            self.report.foretold.1 += observed.abs();
+        }
+    }
+}
+
+impl Session {
+    /// The present time, s on the loops' clock.
+    fn now(&self) -> f64 {
+        self.loops[0].thread.now()
+    }
+
+    /// The newest states of devices and tools, from which the next simulation step starts.
+    fn newest(&mut self) -> Vec<DeviceInput> {
+        self.loops.iter_mut().map(|leader| leader.thread.newest()).collect()
+    }
+
+    /// Passes to each loop its contact wrench.
+    fn give(&mut self, wrenches: &[ContactWrench]) {
+        self.loops.iter_mut().zip(wrenches).for_each(|(leader, wrench)| leader.thread.give(*wrench));
     }
 
     /// Simulates steps until the session ends. A step simulates as much time as computing a step takes, so that bodies
@@ -264,29 +384,30 @@ impl Session {
         &mut self,
         environment: &mut dyn Environment,
         options: &Options,
-        haptics: &Haptics,
+        longest_step: f64,
         first: &FirstSteps,
         record: &mut impl FnMut(Moment) -> Result<()>,
     ) -> Result<()> {
-        let mut pace = Pace::new(options.shortest_step, haptics.longest_step, first.took);
+        let mut pace = Pace::new(options.shortest_step, longest_step, first.took);
         let mut simulated = 0.0;
-        while self.thread.newest().ticks == 0 && self.thread.is_running() {
-            std::thread::sleep(Duration::from_secs_f64(self.period));
+        let is_waiting = |leader: &mut Loop| leader.thread.newest().ticks == 0 && leader.thread.is_running();
+        while self.loops.iter_mut().any(is_waiting) && !options.stop.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_secs_f64(self.loops[0].period));
         }
-        let begun = self.thread.now();
+        let begun = self.now();
         let (mut last, mut ahead) = (begun, 0.0);
         while self.goes_on(options) {
-            let (start, input) = (self.thread.now(), self.thread.newest());
+            let (start, inputs) = (self.now(), self.newest());
             let h = pace.length();
-            let wrench = environment.feel(&input, h)?;
-            self.thread.give(wrench);
+            let wrenches = environment.feel_each(&inputs, h)?;
+            self.give(&wrenches);
             environment.after()?;
             simulated += h;
-            self.report.steps += 1;
-            self.compare(&wrench);
-            record(Moment::Step(&input, h, &wrench))?;
+            self.steps += 1;
+            self.loops.iter_mut().zip(&wrenches).for_each(|(leader, wrench)| leader.compare(wrench));
+            record(Moment::Step(&inputs, h, &wrenches))?;
             self.take_ticks(record)?;
-            let now = self.thread.now();
+            let now = self.now();
             pace.took(now - start, now);
             // If simulated time is ahead of real time, the thread waits. If simulated time is behind, the following
             // steps catch up by at most the length of one step.
@@ -296,47 +417,55 @@ impl Session {
                 std::thread::sleep(Duration::from_secs_f64(ahead));
             }
         }
-        self.report.pace = simulated / (self.thread.now() - begun).max(self.period);
+        self.pace = simulated / (self.now() - begun).max(self.loops[0].period);
         Ok(())
     }
 
-    /// Whether the session goes on. If it must end before its time is over, the reason is written into the report.
+    /// Whether the session goes on. If it must end before its time is over, the reason is kept.
     fn goes_on(&mut self, options: &Options) -> bool {
-        let now = self.thread.now();
-        let loss = self.lost_since.map_or(0.0, |since| now - since);
+        let now = self.now();
+        let loss = |leader: &Loop| leader.lost_since.map_or(0.0, |since| now - since);
         let stopped = options.stop.load(Ordering::Relaxed);
-        self.report.ended = match (stopped, self.thread.is_running(), loss > LONGEST_LOSS) {
-            (true, ..) => Some("it was stopped".into()),
-            (_, false, _) => Some("the loop's thread panicked".into()),
-            (.., true) => Some(format!("the device was lost for {LONGEST_LOSS} s")),
+        let panicked = self.loops.iter().find(|leader| !leader.thread.is_running());
+        let lost = if self.loops.len() == 1 { "the device was" } else { "all devices were" };
+        self.ended = match (stopped, panicked) {
+            (true, _) => Some("it was stopped".into()),
+            (_, Some(leader)) => Some(format!("{}the loop's thread panicked", leader.prefix)),
+            _ if self.loops.iter().all(|leader| loss(leader) > LONGEST_LOSS) => {
+                Some(format!("{lost} lost for {LONGEST_LOSS} s"))
+            }
             _ => None,
         };
-        self.report.ended.is_none() && now < options.seconds
+        self.ended.is_none() && now < options.seconds
+    }
+
+    /// The reports on all loops, which have ended.
+    fn reports(self, mut bare: Option<Lateness>) -> Vec<Report> {
+        let Session { loops, ended, steps, pace } = self;
+        let report = |mut leader: Loop| {
+            let lost = leader.thread.newest().ticks.saturating_sub(leader.report.lateness.ticks());
+            Report { bare: bare.take(), steps, pace, lost, ended: ended.clone(), ..leader.report }
+        };
+        loops.into_iter().map(report).collect()
     }
 
     fn take_ticks(&mut self, record: &mut impl FnMut(Moment) -> Result<()>) -> Result<()> {
-        let report = &mut self.report;
-        for tick in self.thread.ticks() {
-            report.lateness.add(tick.late, self.period);
-            report.events.add(tick.events);
-            report.energy = tick.energy;
-            report.peak_force = report.peak_force.max(tick.played.force.length());
-            report.end = [tick.played, tick.contact];
-            if tick.step > 0 {
-                report.staleness.add(tick.staleness);
+        for (index, leader) in self.loops.iter_mut().enumerate() {
+            let report = &mut leader.report;
+            for tick in leader.thread.ticks() {
+                report.lateness.add(tick.late, leader.period);
+                report.events.add(tick.events);
+                report.energy = tick.energy;
+                report.peak_force = report.peak_force.max(tick.played.force.length());
+                report.end = [tick.played, tick.contact];
+                if tick.step > 0 {
+                    report.staleness.add(tick.staleness);
+                }
+                let is_lost = tick.events.has(Event::DeviceLost);
+                leader.lost_since = if is_lost { leader.lost_since.or(Some(tick.time)) } else { None };
+                record(Moment::Tick(index, &tick))?;
             }
-            let is_lost = tick.events.has(Event::DeviceLost);
-            self.lost_since = if is_lost { self.lost_since.or(Some(tick.time)) } else { None };
-            record(Moment::Tick(&tick))?;
         }
         Ok(())
-    }
-
-    /// Adds the predicted and the observed change of force from the previous wrench to this one.
-    fn compare(&mut self, wrench: &ContactWrench) {
-        if let Some([predicted, observed]) = self.prediction.take(wrench) {
-            self.report.foretold.0 += predicted.abs();
-            self.report.foretold.1 += observed.abs();
-        }
     }
 }

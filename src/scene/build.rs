@@ -15,8 +15,7 @@ use super::load::TOOL;
 use super::meshes::Meshes;
 use super::names::Unresolved;
 use super::{
-    Body, Contact, Core, Coupling, DeviceKind, FurtherTool, Haptics, Key, Motion, Probe, Scene, Solver, Step, Tool,
-    load, names,
+    Body, Contact, Core, Coupling, FurtherTool, Haptics, Key, Motion, Probe, Scene, Solver, Step, Tool, load, names,
 };
 use crate::{Error, Result};
 
@@ -116,7 +115,9 @@ impl SceneBuilder {
         let check = tool.check(self.scene.tool.as_ref(), &self.scene.further_tools);
         check.map_err(|problem| self.wrong(&key, problem))?;
         let trajectory = unit_keys(tool.trajectory);
-        self.scene.further_tools.push(FurtherTool { trajectory, ..tool });
+        let haptics = tool.haptics.map(Haptics::for_device);
+        self.scene.further_tools.push(FurtherTool { trajectory, haptics, ..tool });
+        self.scene.haptics.has_device |= self.scene.has_further_device();
         Ok(self)
     }
 
@@ -136,10 +137,11 @@ impl SceneBuilder {
     }
 
     /// Sets the haptic device and the settings of the haptic loop. The value of [`Haptics::has_device`] in `haptics` is
-    /// not used: it is computed from the kind of device.
+    /// not used: it is computed from the kinds of the devices of all tools.
     pub fn haptics(&mut self, haptics: Haptics) -> Result<&mut Self> {
         haptics.check().map_err(|problem| self.wrong("haptics", problem))?;
-        self.scene.haptics = Haptics { has_device: haptics.device != DeviceKind::Scripted, ..haptics };
+        self.scene.haptics = haptics.for_device();
+        self.scene.haptics.has_device |= self.scene.has_further_device();
         Ok(self)
     }
 
@@ -563,8 +565,13 @@ mod tests {
 
     #[test]
     fn further_tools_are_checked_and_need_a_first_that_is_a_body() {
-        let further =
-            |name: &str| FurtherTool { name: name.into(), body: "a".into(), coupling: None, trajectory: vec![] };
+        let further = |name: &str| FurtherTool {
+            name: name.into(),
+            body: "a".into(),
+            coupling: None,
+            trajectory: vec![],
+            haptics: None,
+        };
         let mut builder = SceneBuilder::new("s");
         builder.body(soft()).unwrap().tool(Tool::sphere(0.1, 1.0)).unwrap().further_tool(further("b")).unwrap();
         let said = builder.build().unwrap_err().to_string();

@@ -601,6 +601,7 @@ impl FurtherTool {
         }
         name(&self.body).under("body")?;
         self.coupling.as_ref().map_or(Ok(()), Coupling::check).under("coupling")?;
+        self.haptics.as_ref().map_or(Ok(()), Haptics::check).under("haptics")?;
         if self.trajectory.is_empty() { Ok(()) } else { keys(&self.trajectory).under("drive.keys") }
     }
 }

@@ -27,7 +27,7 @@ const LONGEST_STEP: f64 = 0.02;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Haptics {
     /// Whether a device moves the tool and the simulation runs in real time; otherwise the poses of `[drive]` move the
-    /// tool, step by step in simulated time.
+    /// tool, step by step in simulated time. So it is in the settings of the first tool where any tool has a device.
     pub has_device: bool,
     /// The kind of device.
     pub device: DeviceKind,
@@ -190,7 +190,7 @@ impl Default for Haptics {
     }
 }
 
-/// Reads the table `[haptics]` of the scene's root table; if it is absent, returns the defaults.
+/// Reads the table `haptics` of the scene's root table, or of that of a tool; if it is absent, returns the defaults.
 pub(super) fn read(root: &Table) -> Result<Haptics> {
     let default = Haptics::default();
     let Some(table) = root.get("haptics").map(|value| value.table(&reference::HAPTICS)).transpose()? else {
@@ -238,6 +238,11 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
 }
 
 impl Haptics {
+    /// These settings, with `has_device` as the kind of device asks for.
+    pub(super) fn for_device(self) -> Haptics {
+        Haptics { has_device: self.device != DeviceKind::Scripted, ..self }
+    }
+
     /// Problem and remedy, if `profile` does not go with the kind of device.
     pub(super) fn check_profile(&self) -> std::result::Result<(), (&'static str, String)> {
         self.profile.map_or(Ok(()), |profile| self.device.check_profile(profile))

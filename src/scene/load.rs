@@ -83,9 +83,11 @@ impl Scene {
     }
 
     /// The longest time step of the simulation, s. With a haptic device, a step is as long as its computation takes, but
-    /// at least `step.dt` and at most this long; without one, every step has this length.
+    /// at least `step.dt` and at most this long, of several devices the least of their settings; without one, every step has this length.
     pub fn longest_step(&self) -> f64 {
-        if self.haptics.has_device { self.haptics.longest_step.max(self.step.dt) } else { self.step.dt }
+        let further = self.further_tools.iter().filter_map(|tool| Some(tool.haptics.as_ref()?.longest_step));
+        let longest = further.fold(self.haptics.longest_step, f64::min);
+        if self.haptics.has_device { longest.max(self.step.dt) } else { self.step.dt }
     }
 
     /// Name of the scene: the name of its file without folder and extension.
@@ -177,6 +179,7 @@ pub(super) fn add(builder: &mut SceneBuilder, source: &Source, document: &Node) 
     if root.has("haptics") {
         scene.haptics = haptics::read(&root)?;
     }
+    scene.haptics.has_device |= scene.has_further_device();
     probes(&root, &mut scene.probes)?;
     names::check_names(&root, scene, before)
 }

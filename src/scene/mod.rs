@@ -655,6 +655,9 @@ pub struct FurtherTool {
     pub coupling: Option<Coupling>,
     /// Reference trajectory of this tool's haptic device. If empty, the device rests where the tool starts.
     pub trajectory: Vec<Key>,
+    /// Settings of this tool's haptic device and haptic loop. `None`: in a session a scripted device leads it, if a tool
+    /// after it has settings; otherwise it follows its trajectory.
+    pub haptics: Option<Haptics>,
 }
 
 /// Shape of the tool.

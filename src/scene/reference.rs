@@ -603,8 +603,9 @@ pub const TOOL: TableKeys = TableKeys {
 pub const TOOLS: TableKeys = TableKeys {
     heading: "[[tool]]",
     meaning: "Several tools, four at most, each led by a haptic device of its own. Each is a body of the scene, and has its \
-              own coupling and trajectory in place of `[coupling]` and `[drive]`. In a session with a haptic device, that \
-              device leads the first tool, and the others follow their trajectories.",
+              own coupling and trajectory in place of `[coupling]` and `[drive]`. In a session devices lead all tools up \
+              to the last that has `haptics`, a scripted one each tool that has none; the tools after it follow their \
+              trajectories. `[haptics]` is that of the first tool.",
     keys: &[
         key(
             "name",
@@ -615,6 +616,7 @@ pub const TOOLS: TableKeys = TableKeys {
         key("body", "a name", REQUIRED, "A body of the scene, held by its first core, which must be dynamic."),
         key("coupling", "table, as `[coupling]`", "(nothing holds the tool)", "The virtual coupling of this tool."),
         key("drive", "table, as `[drive]`", "(the device rests where the tool starts)", "Trajectory of its device."),
+        key("haptics", "table, as `[haptics]`", "(no device)", "The haptic device and the haptic loop of this tool."),
     ],
 };
 

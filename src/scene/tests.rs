@@ -488,10 +488,19 @@ fn several_tools_are_bodies_with_couplings_and_trajectories_of_their_own() {
     let swapped = folder.load(&(bodies.clone() + &tool("right", "a", "") + &tool("left", "b", led))).unwrap();
     assert!(swapped.coupling.is_none() && swapped.further_tools[0].coupling.unwrap().damping == 5.0);
     assert_eq!(swapped.duration(), 0.7);
+    // A device of a tool after the first makes the scene a session, of which the tools before have the default device.
+    assert_eq!((scene.haptics.has_device, scene.held_tools()), (false, 1));
+    let hand = "haptics = { device = \"hand\", rate = 500 }";
+    let scene = folder.load(&(both.clone() + &tool("last", "c", hand))).unwrap();
+    assert_eq!((scene.haptics.has_device, scene.haptics.device, scene.held_tools()), (true, DeviceKind::Scripted, 3));
+    let rates: Vec<f64> = (0..3).map(|index| scene.leader(index).unwrap().1.rate).collect();
+    assert_eq!((rates, scene.leader(3)), (vec![1000.0, 1000.0, 500.0], None));
+    let own = folder.load(&(bodies.clone() + &tool("left", "b", hand) + &tool("right", "a", ""))).unwrap();
+    assert_eq!((own.haptics.has_device, own.haptics.rate, own.held_tools()), (true, 500.0, 1));
     // A single tool takes the place of several.
     let mut builder = SceneBuilder::of(scene);
     builder.toml("[tool]\nsphere = 0.01\nmass = 0.1").unwrap();
-    assert!(builder.scene().further_tools.is_empty());
+    assert!(builder.scene().further_tools.is_empty() && !builder.scene().haptics.has_device);
     let left = tool("left", "b", "");
     for (text, words) in [
         (tool("left", "b", "") + &tool("left", "a", ""), "`tool.left.name`: \"left\" is taken by another tool"),
@@ -502,6 +511,8 @@ fn several_tools_are_bodies_with_couplings_and_trajectories_of_their_own() {
         (left.clone() + &tool("right", "a", "coupling = { stiffness = 1 }"), "`tool.right.coupling.damping`: missing"),
         (left.clone() + "[coupling]\nstiffness = 1\ndamping = 1", "`coupling`: has no meaning beside [[tool]]"),
         (left.clone() + "[drive]\nkeys = [[0, 0, 0, 0]]", "`drive`: has no meaning beside [[tool]]"),
+        (left.clone() + &tool("right", "a", "haptics = { rate = 1 }"), "`tool.right.haptics.rate`: is 1.0"),
+        (tool("left", "b", "haptics = {}") + "[haptics]\nrate = 500", "`tool.left.haptics`: stands twice"),
         (["a", "b", "c", "d", "e"].map(|name| tool(name, name, "")).concat(), "`tool`: has 5 tools; give 1 to 4"),
     ] {
         let message = folder.message(&(bodies.clone() + &text));

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use super::check::{self, MOST_TOOLS};
 use super::keys::{Table, Value};
 use super::units::UNITS;
-use super::{Coupling, FurtherTool, Scene, Tool, ToolShape, body, reference, trajectory};
+use super::{Coupling, FurtherTool, Haptics, Key, Scene, Tool, ToolShape, body, haptics, reference, trajectory};
 use crate::Result;
 
 /// Reads the key `tool` of the scene file's root table, if it is there, into the scene, whose tools it replaces.
@@ -28,31 +28,64 @@ pub(super) fn read(root: &Table, scene: &mut Scene) -> Result<()> {
         return Err(value.error(format!("has {} tools", tables.len()), format!("give 1 to {MOST_TOOLS}")));
     }
     let mut tools: Vec<FurtherTool> = Vec::new();
-    for element in tables {
+    for (index, element) in tables.into_iter().enumerate() {
         let unnamed = element.table(&reference::TOOLS)?;
         let name = unnamed.need("name")?.name()?;
         let table = unnamed.renamed(format!("tool.{name}"));
         check::tool_name(&name, tools.iter().map(|tool| tool.name.as_str())).map_err(|problem| table.wrong(problem))?;
+        if index == 0 && table.has("haptics") && root.has("haptics") {
+            let problem = "stands twice for the first tool: here, and as [haptics]";
+            return Err(table.error("haptics", problem, "remove one"));
+        }
         tools.push(FurtherTool {
             name,
             body: table.need("body")?.name()?,
             coupling: table.option("coupling", coupling)?,
             trajectory: table.option("drive", trajectory::read)?.unwrap_or_default(),
+            haptics: if table.has("haptics") { Some(haptics::read(&table)?) } else { None },
         });
     }
     let first = tools.remove(0);
+    if !scene.further_tools.is_empty() {
+        // The devices of the tools before no longer make the scene a session.
+        scene.haptics = std::mem::take(&mut scene.haptics).for_device();
+    }
     scene.tool = Some(Tool { name: first.name, ..Tool::body(&first.body) });
     (scene.coupling, scene.trajectory, scene.further_tools) = (first.coupling, first.trajectory, tools);
+    scene.haptics = first.haptics.unwrap_or(std::mem::take(&mut scene.haptics));
     Ok(())
 }
 
 impl Scene {
+    /// For the tool of this index: its name, the settings of its haptic device, that device's trajectory, and what stands
+    /// before their keys in messages. `None`: there is no such tool. A tool after the first that names no device has the
+    /// default one.
+    pub fn leader(&self, index: usize) -> Option<(&str, Haptics, &[Key], String)> {
+        if index == 0 {
+            return Some((&self.tool.as_ref()?.name, self.haptics.clone(), &self.trajectory, String::new()));
+        }
+        let tool = self.further_tools.get(index - 1)?;
+        let haptics = tool.haptics.clone().unwrap_or_default();
+        Some((&tool.name, haptics, &tool.trajectory, format!("tool.{}.", tool.name)))
+    }
+
+    /// Number of tools that haptic devices lead in a session: all up to the last one that has settings of a device.
+    pub fn held_tools(&self) -> usize {
+        self.further_tools.iter().rposition(|tool| tool.haptics.is_some()).map_or(1, |last| last + 2)
+    }
+
+    /// Whether a scene with these tools is a session because a tool after the first has a haptic device.
+    pub(super) fn has_further_device(&self) -> bool {
+        self.further_tools.iter().any(|tool| tool.haptics.as_ref().is_some_and(|haptics| haptics.has_device))
+    }
+
     /// Drops all tools after the first of several, and what only one of several tools has: a coupling and a trajectory of
-    /// its own.
+    /// its own. Their devices no longer make the scene a session.
     pub(super) fn drop_further_tools(&mut self) {
         if !self.further_tools.is_empty() {
             self.further_tools.clear();
             (self.coupling, self.trajectory) = (None, Vec::new());
+            self.haptics = std::mem::take(&mut self.haptics).for_device();
         }
     }
 }

@@ -160,6 +160,7 @@ impl Simulation {
             (tool.mass, tool.inertia) = (held.mass, held.inertia);
         }
         self.tool_core_mass = tools::tool_core_mass(&model);
+        self.further_tools.iter_mut().for_each(|tool| tool.weigh(&model, &frames));
         (self.model, self.frames, self.scene, self.bodies) = (model, frames, scene, bodies);
         Ok(())
     }

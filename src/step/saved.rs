@@ -91,6 +91,7 @@ impl Simulation {
         self.trajectory = state.trajectory;
         self.frames.restore(&state.frames);
         for (tool, trajectory) in self.further_tools.iter_mut().zip(state.further_trajectories) {
+            tool.leave_loop();
             tool.trajectory = trajectory;
             tool.follow(&self.model, &self.frames);
         }

@@ -11,7 +11,7 @@ use crate::shaders::{HeldCore, Report};
 use crate::stages::model::Model;
 use crate::step::tool::Tool;
 use crate::step::trajectory::Trajectory;
-use crate::step::{ContactWrench, FARTHER, Flags, Pose, RigidState, ToolReport, Wrench};
+use crate::step::{ContactWrench, DeviceInput, FARTHER, Flags, Pose, RigidState, ToolReport, Wrench};
 use crate::{Error, Result};
 
 /// The tool in its state at the start of the scene. `body` is the prepared rigid body of the tool, if it has one of its
@@ -36,6 +36,16 @@ pub struct HeldTool {
     core: usize,
     /// Where its haptic device goes.
     pub trajectory: Trajectory,
+    /// Its coupling outside of a haptic loop, which sets its own.
+    coupling: Option<Coupling>,
+    /// Whether the tool has weight; in a haptic loop its weight is compensated.
+    has_weight: bool,
+    /// Mass of the whole body that the core is part of, kg.
+    body_mass: f64,
+    /// Greatest force of the virtual coupling's spring, N.
+    max_force: f64,
+    /// The contact wrench on the tool in the last step, if it is one that the haptic loop asked for.
+    pub wrench: Option<ContactWrench>,
 }
 
 impl HeldTool {
@@ -49,7 +59,10 @@ impl HeldTool {
             let core = *model.tool_cores.get(k + 1).ok_or_else(|| missing(&spec.name))?;
             let tool = held(spec.coupling, model, core, frames);
             let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
-            Ok(HeldTool { tool, core, trajectory: Trajectory::new(&spec.trajectory, start) })
+            let trajectory = Trajectory::new(&spec.trajectory, start);
+            let body_mass = body_mass(model, core);
+            let (coupling, max_force) = (tool.coupling, f64::INFINITY);
+            Ok(HeldTool { tool, core, trajectory, coupling, has_weight: true, body_mass, max_force, wrench: None })
         };
         scene.further_tools.iter().enumerate().map(make).collect()
     }
@@ -59,18 +72,46 @@ impl HeldTool {
         follow(&mut self.tool, frames, model.cores[self.core].frame);
     }
 
+    /// Has the haptic loop lead the tool from now on: the device rests at the pose that `input` gives it at `time`, s.
+    pub fn follow_loop(&mut self, input: &DeviceInput, time: f64) {
+        let RigidState { position, orientation, .. } = input.device;
+        self.trajectory = Trajectory::new(&[], Key { time, position, orientation });
+        self.tool.coupling = input.coupling;
+        (self.has_weight, self.max_force) = (false, input.max_force);
+    }
+
+    /// Ends what [`HeldTool::follow_loop`] began; the device stays where it is.
+    pub fn leave_loop(&mut self) {
+        self.tool.coupling = self.coupling;
+        (self.has_weight, self.max_force, self.wrench) = (true, f64::INFINITY, None);
+    }
+
+    /// Takes the contact wrench from the GPU's report of a step, if the haptic loop leads the tool, which has this index
+    /// among the further ones.
+    pub fn feel(&mut self, index: usize, step: u64, report: &Report, friction: f64) {
+        self.wrench = (!self.has_weight).then(|| contact_wrench(&self.tool, index + 1, step, report, friction));
+    }
+
+    /// Takes mass and inertia again from a model of the same bodies with other densities.
+    pub fn weigh(&mut self, model: &Model, frames: &Frames) {
+        let Tool { mass, inertia, .. } = held(self.coupling, model, self.core, frames);
+        (self.tool.mass, self.tool.inertia) = (mass, inertia);
+        self.body_mass = body_mass(model, self.core);
+    }
+
     /// What the solver reads in a step of `h` seconds that ends at `time`, s; `origin`: world position to which positions
     /// on the GPU are relative, m.
-    pub fn held_core(&self, time: f64, h: f64, origin: DVec3) -> HeldCore {
-        let device = self.trajectory.device(time, h);
-        held_core(&self.tool, self.core, &device, DVec3::ZERO, h, origin)
+    pub fn held_core(&self, time: f64, h: f64, gravity: DVec3, origin: DVec3) -> HeldCore {
+        let device = self.tool.within_reach(&self.trajectory.device(time, h), self.max_force);
+        let carried = if self.has_weight { DVec3::ZERO } else { h * self.body_mass * gravity };
+        held_core(&self.tool, self.core, &device, carried, h, origin)
     }
 
     /// The tool at the end of a step of `h` seconds that ended at `time`, s, with the forces that the GPU reports for the
     /// tool of this index among the further ones.
     pub fn report(&self, time: f64, h: f64, report: &Report, index: usize) -> ToolReport {
         let device = self.trajectory.device(time, h);
-        let force = &report.further[index];
+        let force = &report.tools[index + 1];
         ToolReport {
             tool: Pose { position: self.tool.centre, orientation: self.tool.orientation },
             device: Pose { position: device.position, orientation: device.orientation },
@@ -133,9 +174,14 @@ fn held(coupling: Option<Coupling>, model: &Model, core: usize, frames: &Frames)
     tool
 }
 
-/// Mass of the whole soft body that the held core is part of, kg; 0 where no core is held.
+/// Mass of the whole soft body that the first tool is part of, kg; 0 where that is no core of a body.
 pub(super) fn tool_core_mass(model: &Model) -> f64 {
-    let Some(core) = model.tool_core().map(|core| &model.cores[core]) else { return 0.0 };
+    model.tool_core().map_or(0.0, |core| body_mass(model, core))
+}
+
+/// Mass of the whole soft body that a core is part of, or of the core itself if it is a rigid body, kg.
+fn body_mass(model: &Model, core: usize) -> f64 {
+    let core = &model.cores[core];
     let mass = |node: usize| f64::from(model.node_rest[node][3]);
     let holds = |nodes: &std::ops::Range<usize>| core.nodes.iter().any(|n| nodes.contains(&(*n as usize)));
     match model.soft.iter().find(|soft| holds(&soft.nodes)) {
@@ -154,8 +200,9 @@ pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
     }
 }
 
-/// The contact wrench (force and torque) on the tool, as the GPU reports it after a step.
-pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report, friction: f64) -> ContactWrench {
+/// The contact wrench (force and torque) on the tool of this index, as the GPU reports it after a step.
+pub(super) fn contact_wrench(tool: &Tool, index: usize, step: u64, report: &Report, friction: f64) -> ContactWrench {
+    let felt = &report.tools[index];
     let vector = |x: [f32; 3]| DVec3::from(x.map(f64::from));
     // No forces were applied in a frozen step: every attempt at it failed, and the bodies were stopped where they are.
     let is_frozen = Flags(report.flags).contains(Flags::FROZEN);
@@ -165,12 +212,12 @@ pub(super) fn contact_wrench(tool: &Tool, step: u64, report: &Report, friction: 
         time: 0.0,
         h: 0.0,
         tool: tool.state(),
-        wrench: Wrench { force: vector(report.force), torque: vector(report.torque) },
-        stiffness: matrix(&report.stiffness),
-        damping: matrix(&report.damping),
-        pressing: report.pressing.into(),
-        friction: vector(report.friction),
-        most_friction: friction * f64::from(report.pressing),
+        wrench: Wrench { force: vector(felt.force), torque: vector(felt.torque) },
+        stiffness: matrix(&felt.stiffness),
+        damping: matrix(&felt.damping),
+        pressing: felt.pressing.into(),
+        friction: vector(felt.friction),
+        most_friction: friction * f64::from(felt.pressing),
         gap: None,
         farther: [None; FARTHER],
         has_kinematic_motion: false,

@@ -12,7 +12,7 @@ use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::internal::stages::depth;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::scene::{Key, Lowered, Profile, Samples};
-use palpate_devices::record::{Header, Recorded, Recording};
+use palpate_devices::record::{Header, Leader, Recorded, Recording};
 use palpate_devices::replay::{Replayed, replay};
 
 use crate::scene::touch::{Place, press};
@@ -43,18 +43,19 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
     };
     let trajectory =
         Trajectory::new(&scene.trajectory, Key { time: 0.0, position: tool.centre, orientation: tool.orientation });
-    let header = Header::new(scene, &simulation, "scripted", "keys").unwrap();
+    let leader = Leader { tool: "tool".into(), profile: "scripted".into(), device: "keys".into() };
+    let header = Header::new(scene, &simulation, vec![leader]).unwrap();
     // A recording does not replace another.
     let _ = std::fs::remove_file(file);
     let mut recording = Recording::create(file, &header).unwrap();
-    recording.begin(&settings, &tool).unwrap();
+    recording.begin(0, &settings, &tool).unwrap();
     let mut servo = Servo::new(settings, tool);
     let (mut newest, mut next, mut most) = (servo.newest(), servo.newest(), 0.0f64);
     for k in 0..TICKS {
         if k % EVERY == 0 {
             let (input, h) = (servo.input(), 1e-3 * EVERY as f64);
             next = simulation.feel(&input, h).unwrap();
-            recording.step(&input, h, &next).unwrap();
+            recording.step(&[input], h, &[next]).unwrap();
             most = most.max(next.wrench.force.length());
         }
         if k % EVERY == DELAY {
@@ -64,7 +65,7 @@ fn record(scene: &Scene, path: depth::Path, file: &Path, spoil: impl Fn(&mut Tic
         let reading = Reading { time, state: trajectory.device(0.3 * time, 1e-3), buttons: 0 };
         let mut tick = servo.tick(time, 0.0, Ok(reading), &newest);
         spoil(&mut tick);
-        recording.tick(&tick).unwrap();
+        recording.tick(0, &tick).unwrap();
     }
     recording.finish().unwrap();
     most

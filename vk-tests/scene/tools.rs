@@ -137,6 +137,75 @@ fn a_haptic_loop_leads_the_first_tool_and_the_others_follow_their_trajectories()
 }
 
 #[test]
+fn haptic_loops_lead_each_of_several_tools() {
+    let [left, right] = [("left", WAYS[0]), ("right", WAYS[1])].map(|(name, [start, end])| tool(name, start, end));
+    // The contact wrenches on the tools after 20 steps that loops have led: `ways` are those of the tools in their order.
+    let wrenches = |tools: String, ways: [[DVec3; 2]; 2]| {
+        let scene = scene(&squeeze(&tools).replacen("[0.0, 0.0, 0.0]", "[0.0, -9.81, 0.0]", 1));
+        let mut simulation = open(&scene, None);
+        let at = |k: usize, time: f64| RigidState::at_rest(ways[k][0].lerp(ways[k][1], time / 0.04), DQuat::IDENTITY);
+        let mut last = Vec::new();
+        for step in 1..=20 {
+            let time = 1e-3 * f64::from(step);
+            let input = |k: usize| DeviceInput {
+                ticks: 0,
+                time: time + k as f64,
+                device: at(k, time),
+                tool: at(k, 0.0),
+                coupling: scene.coupling,
+                // The springs would pull with up to 1.5 N.
+                max_force: 0.5,
+            };
+            let inputs = [input(0), input(1)];
+            let row = simulation.step_device_inputs(&inputs, 1e-3).unwrap();
+            assert_eq!(row.flags, Flags::default());
+            last = simulation.contact_wrenches(&inputs);
+            for (k, wrench) in last.iter().enumerate() {
+                assert_eq!((wrench.time, wrench.h, wrench.step), (inputs[k].time, 1e-3, step as u64));
+            }
+            assert_eq!(last[1].wrench.force, row.further_tools[0].force);
+        }
+        let resting = at(0, 0.0);
+        let input = DeviceInput { ticks: 0, time: 1.0, device: resting, tool: resting, coupling: None, max_force: 1.0 };
+        let error = |simulation: &mut Simulation, inputs: &[DeviceInput]| {
+            simulation.step_device_inputs(inputs, 1e-3).unwrap_err().to_string()
+        };
+        assert!(error(&mut simulation, &[]).contains("needs the state of a device"));
+        assert!(error(&mut simulation, &[input; 3]).contains("3 haptic devices are given, but only 2"));
+        // A tool that the loops no longer lead has no wrench for them, and its coupling is the scene's again.
+        let coupling = |simulation: &Simulation| simulation.tools().nth(1).unwrap().coupling;
+        simulation.step_device_inputs(&[input; 2], 1e-3).unwrap();
+        assert_eq!(coupling(&simulation), None);
+        assert!(simulation.contact_wrenches(&[input; 2])[1].step > 0);
+        simulation.step_device_input(&input, 1e-3).unwrap();
+        assert_eq!(coupling(&simulation), scene.further_tools[0].coupling);
+        assert_eq!(simulation.contact_wrenches(&[input; 2])[1].step, 0);
+        simulation.step_device_inputs(&[input; 2], 1e-3).unwrap();
+        simulation.couple(scene.coupling);
+        assert_eq!(coupling(&simulation), scene.further_tools[0].coupling);
+        last
+    };
+    let one = wrenches(left.clone() + &right, WAYS);
+    let other = wrenches(right + &left, [WAYS[1], WAYS[0]]);
+    // Which tool comes first does not matter: force, stiffness and damping of a tool are the same.
+    for (a, b) in [(one[0], other[1]), (one[1], other[0])] {
+        let largest = |matrix: &[[f64; 6]; 6]| matrix.iter().flatten().fold(0.0f64, |most, x| most.max(x.abs()));
+        let matrices = [(a.stiffness, b.stiffness), (a.damping, b.damping)];
+        for (name, (a, b)) in ["stiffness", "damping"].into_iter().zip(matrices) {
+            let difference: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|k| a[i][k] - b[i][k]));
+            let error = largest(&difference) / largest(&a);
+            println!("{name} up to {:.2e}, differs by {error:.1e}", largest(&a));
+            assert!(largest(&a) > 0.0 && error < 10.0 * ORDER, "{name} differs by {error:e}");
+        }
+        let error = (a.wrench.force - b.wrench.force).length() / a.wrench.force.length();
+        println!("force {} differs by {error:.1e}", a.wrench.force);
+        assert!(a.wrench.force.length() > 0.02 && error < 10.0 * ORDER, "force differs by {error:e}");
+        let pressing = (a.pressing - b.pressing).abs() / a.pressing;
+        assert!(pressing < 10.0 * ORDER, "pressing differs by {pressing:e}");
+    }
+}
+
+#[test]
 fn two_tools_touch_only_if_one_of_them_says_so() {
     let [left, right] = [("left", WAYS[0]), ("right", WAYS[1])].map(|(name, [start, end])| tool(name, start, end));
     let text = squeeze(&(left + &right));

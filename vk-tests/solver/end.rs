@@ -5,7 +5,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::shaders;
-use palpate::internal::shaders::Contact;
+use palpate::internal::shaders::{Contact, ToolWrench};
 
 use super::passes::{Change, Passes, SKIN_PARTS, TOOLS, UNTOUCHED};
 use crate::harness::random::Random;
@@ -32,6 +32,16 @@ const NON_FINITE: u32 = 32;
 const PULLING: u32 = 256;
 const NEWTON_NOT_CONVERGED: u32 = 2048;
 
+/// What wrench/reduce wrote for a tool.
+const OF_TOOL: ToolWrench = ToolWrench {
+    force: [7.0; 3],
+    torque: [7.0; 3],
+    pressing: 7.0,
+    friction: [7.0; 3],
+    stiffness: [7.0; 21],
+    damping: [7.0; 21],
+};
+
 fn some_nodes() -> Passes {
     let mut passes = Passes::new(System::new(&[layered(layer(70), material(2e4), DQuat::IDENTITY)], 0.0, 1));
     passes.system.stop_at(0.01);
@@ -40,9 +50,7 @@ fn some_nodes() -> Passes {
     (passes.state.status, passes.state.current) = (1, 1);
     passes.iterations[1].count = 17;
     // These fields are written by wrench/reduce alone: solve/conclude must leave them.
-    (passes.report.force, passes.report.torque, passes.report.friction) = ([7.0; 3], [7.0; 3], [7.0; 3]);
-    passes.report.stiffness = [7.0; 21];
-    passes.report.further = [shaders::ToolForce { force: [7.0; 3], torque: [7.0; 3] }; 3];
+    passes.report.tools = [OF_TOOL; 4];
     passes
 }
 
@@ -73,7 +81,7 @@ fn verdicts_by_hand() {
     assert_eq!(passes.state.solution_dt, passes.system.params.dt);
     expect_close("residual", &[report.residual, report.residual_floor], &[0.05, 1.25e-4], ROUNDING);
     assert_eq!(granted(&passes), [groups, TOOLS]);
-    assert_eq!((report.max_depth, report.force, report.stiffness), (0.0, [7.0; 3], [7.0; 21]));
+    assert_eq!((report.max_depth, report.tools), (0.0, [OF_TOOL; 4]));
     let written =
         [shaders::ARGS_COMMIT, shaders::ARGS_WRENCH, shaders::ARGS_GAP].map(|coarse_index| 3 * coarse_index as usize);
     let others = passes.args.iter().enumerate().filter(|(i, _)| !written.contains(i));
@@ -217,12 +225,11 @@ fn what_broke_down_is_accepted_where_it_is_nearly_solved() {
         let (groups, failed) = (70u32.div_ceil(context().group_size()), want == shaders::VERDICT_FAILED);
         assert_eq!(granted(&passes), if failed { [0, 0] } else { [groups, TOOLS] });
         // A failed step applies no force.
-        let kept = [if failed { 0.0 } else { 7.0 }; 3];
-        let shaders::Report { force, torque, friction, .. } = passes.report;
-        assert_eq!([force, torque, friction], [kept; 3]);
+        let none = ToolWrench { force: [0.0; 3], torque: [0.0; 3], pressing: 0.0, friction: [0.0; 3], ..OF_TOOL };
         // So it is for each of TOOLS tools; what comes after them stays.
-        let further = passes.report.further.map(|tool| [tool.force, tool.torque]);
-        assert_eq!(further, [[kept; 2], [kept; 2], [[7.0; 3]; 2]]);
+        let tools: [ToolWrench; 4] =
+            std::array::from_fn(|tool| if failed && tool < TOOLS as usize { none } else { OF_TOOL });
+        assert_eq!(passes.report.tools, tools);
         let floor = (f64::from(floor2.max(1e-6)) / 64.0).sqrt();
         expect_close("floor", &[passes.report.residual_floor], &[floor], ROUNDING);
     }

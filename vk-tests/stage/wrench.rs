@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use palpate::internal::gpu::Size;
-use palpate::internal::shaders::{Contact, Counts, NONE, Pair, Report, StepParams, ToolForce};
+use palpate::internal::shaders::{Contact, Counts, NONE, Pair, Report, StepParams, ToolWrench};
 use palpate_oracle::step::Resolved;
 use palpate_oracle::wrench;
 
@@ -16,16 +16,16 @@ use crate::solver::system::{System, two_layers};
 /// the geometric mean of the diagonal entries i and k.
 const SUM: f64 = 2.0e-6;
 
-/// Runs wrench/reduce and checks that every other word of the report stays as it was.
-fn reduce(system: &System, forces: &[[f32; 4]]) -> Report {
+/// Runs wrench/reduce, checks that every other word of the report stays as it was, and returns what it says of the tool.
+fn reduce(system: &System, forces: &[[f32; 4]]) -> ToolWrench {
     let [held, loose] = [true, false].map(|wants_stiffness| reduce_as(system, forces, wants_stiffness));
     // If no haptic loop holds the tool, force and torque are the same, and stiffness and damping are not computed.
-    let want = Report { stiffness: [0.0; 21], damping: [0.0; 21], ..held };
+    let want = ToolWrench { stiffness: [0.0; 21], damping: [0.0; 21], ..held };
     assert_eq!(bytemuck::bytes_of(&loose), bytemuck::bytes_of(&want));
     held
 }
 
-fn reduce_as(system: &System, forces: &[[f32; 4]], wants_stiffness: bool) -> Report {
+fn reduce_as(system: &System, forces: &[[f32; 4]], wants_stiffness: bool) -> ToolWrench {
     let mut before: Report = bytemuck::Zeroable::zeroed();
     (before.verdict, before.iterations, before.tool_change) = (5, 6, [7.0; 6]);
     let outcome = case("wrench/reduce")
@@ -39,14 +39,14 @@ fn reduce_as(system: &System, forces: &[[f32; 4]], wants_stiffness: bool) -> Rep
         .groups(1)
         .run();
     let after = outcome.get::<Report>("report")[0];
-    let kept = Report { pressing: before.pressing, friction: before.friction, ..after };
-    let rest = Report { force: before.force, torque: before.torque, stiffness: [0.0; 21], damping: [0.0; 21], ..kept };
+    let mut rest = after;
+    rest.tools[0] = before.tools[0];
     assert_eq!(
         bytemuck::bytes_of(&rest),
         bytemuck::bytes_of(&before),
         "words of the report that wrench/reduce does not write"
     );
-    after
+    after.tools[0]
 }
 
 #[test]
@@ -156,11 +156,13 @@ fn each_of_several_tools_has_its_own_contacts() {
         contact(1, 0.2, -1.0, [3.0, 0.0, 0.0]),
         Contact { friction: 2.0, slip: [3.0, 0.0, 0.0], ..contact(2, 0.4, 1.0, [0.0, 1.0, 1.0]) },
     ];
-    let mut params = StepParams { dt: 1.0 / 128.0, tool_centre: [1.0, 0.0, 0.0], ..StepParams::default() };
+    let mut params =
+        StepParams { dt: 1.0 / 128.0, wants_stiffness: 1, tool_centre: [1.0, 0.0, 0.0], ..StepParams::default() };
     for (held, x) in params.held.iter_mut().zip([1.0, 8.0, 2.0]) {
         held.centre = [x, 0.0, 0.0];
     }
-    let before = Report { further: [ToolForce { force: [7.0; 3], torque: [7.0; 3] }; 3], ..Report::default() };
+    let old = ToolWrench { force: [7.0; 3], torque: [7.0; 3], ..ToolWrench::default() };
+    let before = Report { tools: [old; 4], ..Report::default() };
     let outcome = case("wrench/reduce")
         .size(Size::Reduce)
         .constant("FRICTION", true)
@@ -173,19 +175,25 @@ fn each_of_several_tools_has_its_own_contacts() {
         .partial("report", &[before])
         .groups(3)
         .run();
-    let report = outcome.get::<Report>("report")[0];
+    let tools = outcome.get::<Report>("report")[0].tools;
     let rounding = Tolerance { abs: 1e-6, rel: 1e-6 };
     // Tool 0 is pushed down by 1 N at arm (0, 2, 0), and up by 4 N and along x by 6 N at its own point, arm (0, 1, 1) less
     // the depth of 0.5 along z.
-    expect_close("force on tool 0", &report.force, &[6.0, 0.0, 3.0], rounding);
-    expect_close("torque on tool 0", &report.torque, &[-2.0 + 4.0, 6.0 * 0.5, -6.0], rounding);
-    expect_close("pressing on tool 0", &[report.pressing], &[5.0], rounding);
+    expect_close("force on tool 0", &tools[0].force, &[6.0, 0.0, 3.0], rounding);
+    expect_close("torque on tool 0", &tools[0].torque, &[-2.0 + 4.0, 6.0 * 0.5, -6.0], rounding);
+    expect_close("pressing on tool 0", &[tools[0].pressing], &[5.0], rounding);
     // Tool 1 touches nothing. Tool 2, whose centre is 1 m further along x, is pushed up by 2 N at arm (2, 0, 0), and down
     // by 4 N and against x by 6 N at arm (-1, 1, 1).
-    assert_eq!(report.further[0], ToolForce::default());
-    expect_close("force on tool 2", &report.further[1].force, &[-6.0, 0.0, -2.0], rounding);
-    expect_close("torque on tool 2", &report.further[1].torque, &[-4.0, -4.0 - 4.0 - 6.0, 6.0], rounding);
-    assert_eq!(report.further[2], before.further[2]);
+    assert_eq!(tools[1], ToolWrench::default());
+    expect_close("force on tool 2", &tools[2].force, &[-6.0, 0.0, -2.0], rounding);
+    expect_close("torque on tool 2", &tools[2].torque, &[-4.0, -4.0 - 4.0 - 6.0, 6.0], rounding);
+    expect_close("pressing on tool 2", &[tools[2].pressing], &[6.0], rounding);
+    expect_close("friction on tool 2", &tools[2].friction, &[-6.0, 0.0, 0.0], rounding);
+    // Stiffness along z, and damping across it, which here is friction's alone: sums over both contacts.
+    let diagonal = |upper: &[f32; 21]| [0, 6, 11].map(|k| upper[k]);
+    expect_close("stiffness of tool 2", &diagonal(&tools[2].stiffness), &[0.0, 0.0, 20.0 * 0.6], rounding);
+    expect_close("damping of tool 2", &diagonal(&tools[2].damping), &[2.0, 2.0, 0.0], rounding);
+    assert_eq!(tools[3], old);
 }
 
 #[test]

@@ -152,7 +152,7 @@ fn of(the_loop: *mut palpate_loop) -> Outcome<Arc<Loop>> {
 }
 
 /// Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
-/// which must have a tool, steps in real time, each step with the device's newest pose. Both happen on threads of the
+/// which must have a tool (of several the first is led), steps in real time, each step with the device's newest pose. Both happen on threads of the
 /// loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
 /// `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the device to open;
 /// PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
@@ -181,6 +181,11 @@ pub unsafe extern "C" fn palpate_loop_start(
             let object = lent.lock();
             object.is_fit()?;
             let scene = object.simulation.scene();
+            if scene.held_tools() > 1 {
+                let problem = "the scene gives haptic devices to several tools, and this loop leads the first alone; \
+                               leave `haptics` out of the others";
+                return Err(Failure::new(palpate_status::Input, problem));
+            }
             let device = unsafe { Callbacks::new(device, &scene.haptics)? };
             let missing =
                 || Failure::new(palpate_status::Input, "the scene has no tool for the haptic device; add a [tool]");

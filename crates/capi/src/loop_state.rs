@@ -239,7 +239,7 @@ impl Told {
         match moment {
             Moment::Begin(..) => {}
             Moment::Step(..) => facts.state.steps += 1,
-            Moment::Tick(tick) => facts.tick(tick),
+            Moment::Tick(_, tick) => facts.tick(tick),
             Moment::Note(note) => {
                 facts.notes.push(note.into());
                 facts.state.notes = facts.notes.len() as u32;

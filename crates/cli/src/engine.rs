@@ -73,12 +73,12 @@ impl Engine {
         Ok(self.counted(row))
     }
 
-    /// Does a step of length `h`, s, that starts from the poses and twists of device and tool that the haptic loop
-    /// gives; returns the step's report and the contact wrench on the tool.
-    pub fn step_device_input(&mut self, input: &DeviceInput, h: f64) -> Result<(StepReport, ContactWrench)> {
-        let row = self.simulation.step_device_input(input, h)?;
-        let wrench = self.simulation.contact_wrench().copied().unwrap_or(ContactWrench::none(input.tool));
-        Ok((self.counted(row), wrench))
+    /// Does a step of length `h`, s, that starts from the poses and twists of devices and tools that the haptic loops
+    /// give; returns the step's report and the contact wrench on each of these tools.
+    pub fn step_device_inputs(&mut self, inputs: &[DeviceInput], h: f64) -> Result<(StepReport, Vec<ContactWrench>)> {
+        let row = self.simulation.step_device_inputs(inputs, h)?;
+        let wrenches = self.simulation.contact_wrenches(inputs);
+        Ok((self.counted(row), wrenches))
     }
 
     /// The simulation, to read its state.

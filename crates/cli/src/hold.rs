@@ -9,12 +9,13 @@ use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::session::{self, Moment, Options, Report};
 use palpate::internal::haptics::{Device, Fault};
+use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
-use palpate::scene::{DeviceKind, Key, Profile};
+use palpate::scene::{DeviceKind, Haptics, Key, Profile};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
-use palpate_devices::record::{Header, Outcome, Recording};
+use palpate_devices::record::{self, Header, Outcome, Recording};
 use palpate_devices::{ForceDimension, Hand, Haply, Replay, Scripted, SpaceMouse, Touch, haply, vendor};
 use palpate_page::Reduced;
 
@@ -22,13 +23,13 @@ use crate::engine::Engine;
 use crate::signals::Stop;
 use crate::tell;
 
-/// The built-in profile (limits of a haptic device: force, workspace and so on) that the scene names; if it names none,
-/// the profile whose name is the argument `default`. The scene's resolution of the device, if any, takes the place of
-/// the profile's.
-fn profile_of(scene: &Scene, default: &str) -> Profile {
-    let named = scene.haptics.profile.or_else(|| Profile::named(default));
+/// The built-in profile (limits of a haptic device: force, workspace and so on) that the settings name; if they name
+/// none, the profile whose name is the argument `default`. The settings' resolution of the device, if any, takes the
+/// place of the profile's.
+fn profile_of(haptics: &Haptics, default: &str) -> Profile {
+    let named = haptics.profile.or_else(|| Profile::named(default));
     let profile = named.unwrap_or(&PROFILES[0]).clone();
-    Profile { resolution: scene.haptics.resolution.or(profile.resolution), ..profile }
+    Profile { resolution: haptics.resolution.or(profile.resolution), ..profile }
 }
 
 /// Sets the profile of the scene's haptic device by name, whatever profile the scene gives.
@@ -56,19 +57,35 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Makes the haptic device that a scene asks for; the device begins at the pose `start`.
+/// Makes the haptic device that a scene asks for, of several the first; the device begins at the pose `start`.
 pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
-    let haptics = &scene.haptics;
-    let trajectory = Trajectory::new(&scene.trajectory, start);
+    device_of(scene, 0, start)
+}
+
+/// What [`Scene::leader`] tells of the tool of this index, which must be there.
+fn leader_of(scene: &Scene, index: usize) -> Result<(&str, Haptics, &[Key], String)> {
+    let missing = || Error::Usage("the scene has no tool for the haptic device; add a [tool]".into());
+    scene.leader(index).ok_or_else(missing)
+}
+
+/// Makes the haptic device that leads the tool of this index; it begins at the pose `start`.
+fn device_of(scene: &Scene, index: usize, start: Key) -> Result<Box<dyn Device>> {
+    let (_, haptics, keys, before) = leader_of(scene, index)?;
+    let trajectory = Trajectory::new(keys, start);
+    let wrong = |key: &str, problem: &str, remedy: &str| {
+        Error::key(&scene.file, format!("{before}haptics.{key}"), problem, remedy)
+    };
     Ok(match haptics.device {
-        DeviceKind::Scripted => Box::new(Scripted::new(trajectory, profile_of(scene, "scripted"), 1.0 / haptics.rate)),
+        DeviceKind::Scripted => {
+            Box::new(Scripted::new(trajectory, profile_of(&haptics, "scripted"), 1.0 / haptics.rate))
+        }
         DeviceKind::Hand => {
-            let hand = Hand::new(haptics.hand, trajectory, profile_of(scene, "premium"));
-            Box::new(hand.map_err(|problem| Error::key(&scene.file, "haptics.hand", problem, "correct it"))?)
+            let hand = Hand::new(haptics.hand, trajectory, profile_of(&haptics, "premium"));
+            Box::new(hand.map_err(|problem| wrong("hand", &problem, "correct it"))?)
         }
         DeviceKind::Replay => {
-            let missing = || Error::key(&scene.file, "haptics.recording", "is missing", "give the recording to play");
-            Box::new(Replay::open(haptics.recording.as_ref().ok_or_else(missing)?)?)
+            let missing = || wrong("recording", "is missing", "give the recording to play");
+            Box::new(Replay::open(haptics.recording.as_ref().ok_or_else(missing)?, index)?)
         }
         DeviceKind::Haply => {
             let settings = haply::Settings {
@@ -84,12 +101,12 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
             Box::new(haply)
         }
         DeviceKind::Touch => {
-            let mut touch = Touch::new(vendor_settings(scene, start));
+            let mut touch = Touch::new(vendor_settings(&haptics, start));
             touch.identify().map_err(no_device)?;
             Box::new(touch)
         }
         DeviceKind::ForceDimension => {
-            let mut device = ForceDimension::new(vendor_settings(scene, start));
+            let mut device = ForceDimension::new(vendor_settings(&haptics, start));
             device.identify().map_err(no_device)?;
             Box::new(device)
         }
@@ -103,12 +120,12 @@ pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
     })
 }
 
-fn vendor_settings(scene: &Scene, start: Key) -> vendor::Settings {
+fn vendor_settings(haptics: &Haptics, start: Key) -> vendor::Settings {
     vendor::Settings {
-        unit: scene.haptics.unit.clone(),
+        unit: haptics.unit.clone(),
         home: start.position,
-        rate: scene.haptics.rate,
-        profile: scene.haptics.profile,
+        rate: haptics.rate,
+        profile: haptics.profile,
         ..vendor::Settings::default()
     }
 }
@@ -127,9 +144,13 @@ struct Watched<'a> {
 
 impl Environment for Watched<'_> {
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        let (row, wrench) = self.engine.step_device_input(input, h)?;
+        self.feel_each(std::slice::from_ref(input), h).map(|wrenches| wrenches[0])
+    }
+
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
+        let (row, wrenches) = self.engine.step_device_inputs(inputs, h)?;
         self.report = Some(row);
-        Ok(wrench)
+        Ok(wrenches)
     }
 
     fn after(&mut self) -> Result<()> {
@@ -138,7 +159,7 @@ impl Environment for Watched<'_> {
     }
 }
 
-/// Gathers the force played (commanded to the device), N, over the time since the loop's first tick (iteration), s.
+/// Gathers the force of a device played (commanded to the device), N, over the time since the loop's first tick (iteration), s.
 #[derive(Default)]
 pub struct Played {
     begin: Option<f64>,
@@ -153,28 +174,28 @@ impl Played {
     }
 }
 
-/// Runs a session with the scene's haptic device for `seconds`, or until a signal ends it, and records the session into
-/// the file `record`, if one is given. `watch` is called with the report of every step, and with the
-/// simulation after it.
+/// Runs a session with the scene's haptic devices for `seconds`, or until a signal ends it, and records the session into
+/// the file `record`, if one is given. `watch` is called with the report of every step, and with the simulation after it.
+/// Returns a report for each device, and puts into `played` what each played.
 pub fn hold(
     engine: &mut Engine,
     scene: &Scene,
     seconds: f64,
     record: Option<&Path>,
     watch: &mut dyn FnMut(&StepReport, &mut Simulation) -> Result<()>,
-    played: &mut Played,
-) -> Result<Report> {
-    let Some(tool) = engine.simulation().tool().cloned() else {
+    played: &mut Vec<Played>,
+) -> Result<Vec<Report>> {
+    if engine.simulation().tool().is_none() {
         return Err(Error::key(
             &scene.file,
             "tool",
             "is missing, but a haptic device needs a tool to hold",
             "add a [tool]",
         ));
-    };
-    let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
-    let device = device(scene, start)?;
-    let mut recording = record.map(|path| recording(path, engine, scene, device.profile())).transpose()?;
+    }
+    let leaders = leaders(engine.simulation(), scene)?;
+    *played = leaders.iter().map(|_| Played::default()).collect();
+    let mut recording = record.map(|path| recording(path, engine, scene, &leaders)).transpose()?;
     // Outcomes of the steps that are not recorded yet: the session tells of steps later, of the first ones together.
     let takes_outcomes = recording.as_ref().is_some_and(Recording::takes_outcomes);
     let outcomes = RefCell::new(VecDeque::new());
@@ -192,27 +213,62 @@ pub fn hold(
             tell(note);
             Ok(())
         }
-        (recording, Moment::Tick(tick)) => {
-            played.add(tick);
-            recording.as_mut().map_or(Ok(()), |recording| recording.tick(tick))
+        (recording, Moment::Tick(index, tick)) => {
+            played[index].add(tick);
+            recording.as_mut().map_or(Ok(()), |recording| recording.tick(index, tick))
         }
         (None, _) => Ok(()),
-        (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool),
-        (Some(recording), Moment::Step(input, h, wrench)) => {
-            recording.step(input, h, wrench)?;
+        (Some(recording), Moment::Begin(index, settings, tool)) => recording.begin(index, settings, tool),
+        (Some(recording), Moment::Step(inputs, h, wrenches)) => {
+            recording.step(inputs, h, wrenches)?;
             let outcome = outcomes.borrow_mut().pop_front();
-            outcome.map_or(Ok(()), |outcome| recording.outcome(input, &outcome))
+            outcome.map_or(Ok(()), |outcome| recording.outcome(inputs[0].time, &outcome))
         }
     };
     let mut environment = Watched { engine, report: None, watch: &mut watch };
-    let held = session::hold(device, &tool, &scene.haptics, &mut environment, &options, write);
-    if let (Err(_), None, Some(path)) = (&held, played.begin, record) {
+    let held = session::hold_each(leaders, &mut environment, &options, write);
+    let has_begun = played.iter().any(|played| played.begin.is_some());
+    if let (Err(_), false, Some(path)) = (&held, has_begun, record) {
         // Of a session that did not begin there is nothing to keep.
         let _ = std::fs::remove_file(path);
     }
-    let report = held?;
+    let reports = held?;
     recording.map_or(Ok(()), |recording| recording.finish().map(drop))?;
-    Ok(report)
+    Ok(reports)
+}
+
+/// Makes the haptic devices that a scene asks for, each with the tool of its simulation that it leads.
+pub fn leaders(simulation: &Simulation, scene: &Scene) -> Result<Vec<session::Leader>> {
+    let settings: Vec<_> = (0..scene.held_tools()).map(|index| leader_of(scene, index)).collect::<Result<_>>()?;
+    for (index, (_, haptics, _, before)) in settings.iter().enumerate() {
+        if let Some((other, ..)) = settings[..index].iter().find(|(_, other, ..)| !are_apart(other, haptics)) {
+            let remedy = match haptics.device {
+                DeviceKind::Touch | DeviceKind::ForceDimension => "give one of them another kind of device",
+                DeviceKind::Haply => "give each a `device_id` of its own in `haply`",
+                _ => "give each a `unit` of its own",
+            };
+            let problem = format!("may be the device of {other}");
+            return Err(Error::key(&scene.file, format!("{before}haptics.device"), problem, remedy));
+        }
+    }
+    let leader = |(index, ((name, haptics, ..), tool)): (usize, ((&str, Haptics, _, _), &Tool))| {
+        let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
+        let device = device_of(scene, index, start)?;
+        Ok(session::Leader { name: name.into(), device, tool: tool.clone(), haptics })
+    };
+    settings.into_iter().zip(simulation.tools()).enumerate().map(leader).collect()
+}
+
+/// Whether two settings are of different devices, which can be held at the same time. The drivers of Touch and Force
+/// Dimension hold one device in a program.
+fn are_apart(a: &Haptics, b: &Haptics) -> bool {
+    let differ = |a: &Option<String>, b: &Option<String>| a.is_some() && b.is_some() && a != b;
+    match (a.device, b.device) {
+        (DeviceKind::Touch, DeviceKind::Touch) | (DeviceKind::ForceDimension, DeviceKind::ForceDimension) => false,
+        (DeviceKind::Haply, DeviceKind::Haply) => differ(&a.haply.device_id, &b.haply.device_id),
+        (DeviceKind::SpaceMouse, DeviceKind::SpaceMouse) => differ(&a.unit, &b.unit),
+        _ => true,
+    }
 }
 
 /// Refuses a file for a recording that is there already.
@@ -224,7 +280,11 @@ pub fn refuse_existing(path: &Path) -> Result<()> {
     Err(Error::input(path, None, problem, "record into another file, or remove this one"))
 }
 
-fn recording(path: &Path, engine: &Engine, scene: &Scene, profile: &Profile) -> Result<Recording> {
-    let header = Header::new(scene, engine.simulation(), profile.name, scene.haptics.device.name())?;
-    Recording::create(path, &header)
+fn recording(path: &Path, engine: &Engine, scene: &Scene, leaders: &[session::Leader]) -> Result<Recording> {
+    let named = |leader: &session::Leader| record::Leader {
+        tool: leader.name.clone(),
+        profile: leader.device.profile().name.into(),
+        device: leader.haptics.device.name().into(),
+    };
+    Recording::create(path, &Header::new(scene, engine.simulation(), leaders.iter().map(named).collect())?)
 }

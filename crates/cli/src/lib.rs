@@ -39,7 +39,7 @@ use palpate::{Error, Result};
 
 #[cfg(feature = "view")]
 pub use film::Look;
-pub use hold::device as haptic_device;
+pub use hold::leaders;
 pub use report::haptics::summary as session_summary;
 
 /// Feel soft bodies: deformable contact and haptic forces on any Vulkan 1.3 device.

@@ -117,16 +117,16 @@ fn export(recorded: Recorded, out: &Path) -> Result<String> {
     let name = out.file_name().and_then(|name| name.to_str());
     let name = name.ok_or_else(|| failed(std::io::ErrorKind::InvalidFilename.into()))?;
     let mut output = Output::create(out.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new(".")))?;
-    let mut table = Table::new(output.file(name)?);
+    let mut table = Table::new(output.file(name)?, &recorded.header);
     let (mut ticks, mut is_whole) = (0u64, false);
     for entry in recorded {
         match entry? {
-            Entry::Tick(tick) => {
-                table.write(&tick).map_err(failed)?;
+            Entry::Tick(index, tick) => {
+                table.write(index, &tick).map_err(failed)?;
                 ticks += 1;
             }
             Entry::End(_) => is_whole = true,
-            Entry::Begin(_) | Entry::Step(_) => {}
+            Entry::Begin(..) | Entry::Step(_) => {}
         }
     }
     table.finish().map_err(failed)?;

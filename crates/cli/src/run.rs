@@ -156,18 +156,24 @@ pub fn steps(text: &str) -> std::result::Result<u64, String> {
 
 /// Duration, s, of a session (run of the haptic loop with a device): the value of `--seconds`. Without it, the duration
 /// is unlimited for hardware, which a person holds; for a recording it is the number of recorded ticks (iterations of
-/// the loop) over the loop's rate; otherwise it is the duration of the scene.
+/// the loop) over the loop's rate; otherwise it is the duration of the scene. Of several devices the longest counts.
 fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     if let Some(steps) = arguments.steps {
         let problem = format!("{steps} steps were requested, but a session with a haptic device is limited by time");
         return Err(Error::key(&scene.file, "haptics.device", problem, "give --seconds instead of --steps"));
     }
-    match (arguments.seconds, scene.haptics.device, &scene.haptics.recording) {
-        (Some(seconds), ..) => Ok(seconds),
-        (None, device, _) if device.is_real() => Ok(f64::INFINITY),
-        (None, DeviceKind::Replay, Some(recording)) => Ok(Replay::open(recording)?.ticks() as f64 / scene.haptics.rate),
-        _ => Ok(scene.duration()),
+    if let Some(seconds) = arguments.seconds {
+        return Ok(seconds);
     }
+    let mut leaders = (0..scene.held_tools()).filter_map(|index| Some((index, scene.leader(index)?.1)));
+    leaders.try_fold(0.0, |longest: f64, (index, haptics)| {
+        let seconds = match (haptics.device, &haptics.recording) {
+            (device, _) if device.is_real() => f64::INFINITY,
+            (DeviceKind::Replay, Some(recording)) => Replay::open(recording, index)?.ticks() as f64 / haptics.rate,
+            _ => scene.duration(),
+        };
+        Ok(longest.max(seconds))
+    })
 }
 
 /// The number of steps to do; refuses more than [`MOST_STEPS`].
@@ -244,7 +250,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     };
     // The run's results are kept even if the series is not.
     let series = series.transpose()?;
-    let Done { tally, outcome, report, nearest, .. } = &done;
+    let Done { tally, outcome, reports, nearest, .. } = &done;
     let series = series.map(|folder| format!("series: {}\n", folder.display())).unwrap_or_default();
     let remedy = felt::remedy(tally, felt::advice(&scene), nearest.as_ref());
     print(&format!(
@@ -253,7 +259,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         remedy.map(|remedy| format!("{remedy}\n")).unwrap_or_default(),
         RaisedFlags(tally),
         ClosingTable { facts: &outcome.facts, tally },
-        report.as_ref().map(|report| Closing(report).to_string()).unwrap_or_default()
+        reports.iter().map(|report| Closing(report).to_string()).collect::<String>()
     ))?;
     match &done.interrupted {
         Some(how) => {
@@ -304,9 +310,10 @@ enum Extent {
 struct Done {
     tally: Tally,
     outcome: Outcome,
-    report: Option<Report>,
-    /// The force played (commanded to the device) in a session.
-    played: Played,
+    /// The report on each haptic device of a session; empty without a device.
+    reports: Vec<Report>,
+    /// For each device the force played (commanded to it).
+    played: Vec<Played>,
     /// The body that is nearest to the tool at the end.
     nearest: Option<Distance>,
     /// How a signal cut the run short, in words.
@@ -348,8 +355,8 @@ fn simulate(
         }
         Ok(())
     };
-    let mut played = Played::default();
-    let report = match extent {
+    let mut played = Vec::new();
+    let reports = match extent {
         Extent::Steps(steps) => {
             let mut snapshots = Snapshots::new(arguments, &mut engine)?;
             let mut step = |k| {
@@ -357,10 +364,10 @@ fn simulate(
                 watch(&row, engine.simulation_mut())?;
                 snapshots.after(k, &mut engine, output.as_deref_mut())
             };
-            (1..=*steps).take_while(|_| !stop.is_set()).try_for_each(&mut step).map(|()| None)
+            (1..=*steps).take_while(|_| !stop.is_set()).try_for_each(&mut step).map(|()| Vec::new())
         }
         Extent::Seconds(seconds) => {
-            hold::hold(&mut engine, scene, *seconds, arguments.record.as_deref(), &mut watch, &mut played).map(Some)
+            hold::hold(&mut engine, scene, *seconds, arguments.record.as_deref(), &mut watch, &mut played)
         }
     }?;
     bar.finish_and_clear();
@@ -389,7 +396,7 @@ fn simulate(
         (true, None) => ending::pictures(&mut engine, &tally),
         (true, Some(_)) => Err("No picture was rendered, since the run was interrupted.".into()),
     };
-    Ok(Done { tally, outcome, report, played, nearest, interrupted, pictures })
+    Ok(Done { tally, outcome, reports, played, nearest, interrupted, pictures })
 }
 
 /// Images that are written at regular intervals: the number of steps from one image to the next, and the studio
@@ -455,7 +462,7 @@ fn progress(extent: &Extent) -> ProgressBar {
 /// Writes the files that describe the end of the run: layers (tetrahedral meshes of the bodies), skins (their surface
 /// meshes) and the summary.
 fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
-    let Done { tally, outcome, report, .. } = done;
+    let Done { tally, outcome, reports, .. } = done;
     for layer in &outcome.layers {
         let name = format!("{}.vtk", layer.name);
         output.write(&name, |w| vtk::write_layer(w, &layer.nodes, &layer.tetrahedra, &layer.displacement))?;
@@ -463,11 +470,18 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
     for skin in &outcome.skins {
         output.write(&format!("{}.obj", skin.name), |w| obj::write(w, &skin.vertices, &skin.triangles))?;
     }
-    let haptics = report.as_ref().map(report::haptics::summary);
+    let haptics = reports.first().map(report::haptics::summary);
+    let of_tool = |of: &Report| (of.tool.clone(), report::haptics::summary(of));
+    let further_haptics = reports.iter().skip(1).map(of_tool).collect();
     let preset = scene.preset.clone();
     let interrupted = done.interrupted.clone();
-    let summary =
-        Summary { haptics, preset, interrupted, ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally) };
+    let summary = Summary {
+        haptics,
+        further_haptics,
+        preset,
+        interrupted,
+        ..Summary::new(&scene.name(), scene.step.dt, &outcome.facts, tally)
+    };
     output.write(SUMMARY, |w| serde_json::to_writer_pretty(w, &summary).map_err(Into::into))?;
     // The run's results are kept even if no page can be made of them.
     match page(output, scene, done) {
@@ -481,14 +495,18 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
 
 /// Makes the page of a run; `trace.csv`, from which the page's curves are made, is already written.
 fn page(output: &Output, scene: &Scene, done: &Done) -> Result<String> {
-    let Done { tally, outcome, report, played, nearest, interrupted, pictures } = done;
+    let Done { tally, outcome, reports, played, nearest, interrupted, pictures } = done;
     let trace = BufReader::new(output.read(TRACE)?);
     let page = Page {
         scene,
         facts: &outcome.facts,
         tally,
         curves: &curves::read(trace, tally.touch.as_ref()).map_err(|error| output.unreadable(TRACE, &error))?,
-        session: report.as_ref().map(|report| Session { report, played: &played.force }),
+        sessions: &reports
+            .iter()
+            .zip(played)
+            .map(|(report, played)| Session { report, played: &played.force })
+            .collect::<Vec<_>>(),
         interrupted: interrupted.as_deref(),
         nearest: nearest.as_ref(),
         pictures: pictures.as_ref().map(Vec::as_slice).map_err(String::as_str),

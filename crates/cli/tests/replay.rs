@@ -13,7 +13,7 @@ use palpate::internal::haptics::safety::Limits;
 use palpate::internal::haptics::servo::{Servo, Settings, Tick};
 use palpate::scene::{Lowered, Profile};
 use palpate::{Options, RigidState, Scene, Simulation};
-use palpate_devices::record::{Header, Recording};
+use palpate_devices::record::{Header, Leader, Recording};
 
 /// A scene in which the tool, a ball of 50 g, begins 0.5 mm above a soft block; [`record`] pushes it into the block.
 const SCENE: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[[body]]\nname = \"block\"\n\
@@ -58,9 +58,10 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
     };
     // A recording does not replace another.
     let _ = fs::remove_file(&file);
-    let mut recording =
-        Recording::create(&file, &Header::new(&loaded, &simulation, "scripted", "down").unwrap()).unwrap();
-    recording.begin(&settings, &tool).unwrap();
+    let leaders = vec![Leader { tool: "tool".into(), profile: "scripted".into(), device: "down".into() }];
+    let header = Header::new(&loaded, &simulation, leaders).unwrap();
+    let mut recording = Recording::create(&file, &header).unwrap();
+    recording.begin(0, &settings, &tool).unwrap();
     let mut servo = Servo::new(settings, tool.clone());
     let mut newest = servo.newest();
     for k in 0..TICKS {
@@ -68,12 +69,12 @@ fn record(folder: &Path, has_end: bool, spoil: impl Fn(&mut Tick)) -> (PathBuf, 
         if k % EVERY == 0 {
             let held = servo.input();
             newest = simulation.feel(&held, 0.015).unwrap();
-            recording.step(&held, 0.015, &newest).unwrap();
+            recording.step(&[held], 0.015, &[newest]).unwrap();
         }
         let state = RigidState::at_rest(tool.centre - DVec3::Y * 0.05 * time, tool.orientation);
         let mut tick = servo.tick(time, 0.0, Ok(Reading { time, state, buttons: 0 }), &newest);
         spoil(&mut tick);
-        recording.tick(&tick).unwrap();
+        recording.tick(0, &tick).unwrap();
     }
     assert!(newest.wrench.force.y > 0.05, "the contact force of the last step is too small: {newest:?}");
     if has_end {

@@ -78,6 +78,96 @@ fn a_session_is_held_recorded_and_replayed() {
     assert!(report["energy_j"]["net_given"].as_f64().unwrap() <= 3.3 * 2e-5, "summary: {report}");
 }
 
+/// Two balls of 10 mm, each held by a device of its own, that press on a soft block from above and from the side.
+fn two_devices(devices: [&str; 2]) -> String {
+    let block = SCENE.split("[tool]").next().unwrap();
+    let ball = |name: &str, device: &str, [start, end]: [[f64; 3]; 2]| {
+        let [sx, sy, sz] = start;
+        let [ex, ey, ez] = end;
+        format!(
+            "[[body]]\nname = \"{name}\"\nsurface = {{ model = \"sphere\", vertices = 200 }}\nscale = 0.01\n\
+             motion = \"dynamic\"\nmass = 0.05\nposition = [{sx:?}, {sy:?}, {sz:?}]\n\
+             [[tool]]\nname = \"{name}\"\nbody = \"{name}\"\ncoupling = {{ stiffness = 500, damping = 5, angular_stiffness = 0.5, angular_damping = 0.002 }}\n\
+             drive = {{ keys = [[0.3, {sx:?}, {sy:?}, {sz:?}], [0.6, {ex:?}, {ey:?}, {ez:?}]] }}\nhaptics = {{ {device} }}\n"
+        )
+    };
+    block.to_owned()
+        + &ball("above", devices[0], [[0.0, 0.043, 0.0], [0.0, 0.03, 0.0]])
+        + &ball("aside", devices[1], [[0.063, 0.0, 0.0], [0.05, 0.0, 0.0]])
+}
+
+#[test]
+fn two_devices_are_held_recorded_and_replayed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let scene = two_devices(["device = \"hand\", profile = \"touch\"", "profile = \"premium\""]);
+    fs::write(at("scene.toml"), scene).unwrap();
+    let run = |record: &str| {
+        let (status, text, stderr) =
+            palpate(&["run", &at("scene.toml"), "--seconds", "1.5", "--out", &at("out"), "--record", &at(record)]);
+        assert_eq!(status, 0, "standard error: {stderr}");
+        (text, stderr)
+    };
+    let (text, stderr) = run("session.palpate");
+    for words in ["haptic loop of above: ", "haptic loop of aside: "] {
+        assert!(text.contains(words), "{text}");
+    }
+    assert!(stderr.contains("above: coupling ") && stderr.contains("aside: coupling "), "{stderr}");
+    let summary: Value = serde_json::from_str(&fs::read_to_string(at("out/summary.json")).unwrap()).unwrap();
+    let (above, aside) = (&summary["haptics"], &summary["further_haptics"]["aside"]);
+    assert_eq!([&above["profile"], &aside["profile"]], ["touch", "premium"], "{summary}");
+    let peaks = [above, aside].map(|report| report["peak_force_n"].as_f64().unwrap());
+    assert!(peaks[0] > 0.05 && peaks[0] <= 3.3 && peaks[1] > 0.05 && peaks[1] <= 8.5, "peaks {peaks:?} N");
+    let page = fs::read_to_string(at("out/report.html")).unwrap();
+    assert!(page.contains("The haptic device of above") && page.contains("The haptic device of aside"));
+    let ticks: u64 = [above, aside].iter().map(|report| report["ticks"].as_u64().unwrap()).sum();
+    let (status, text, stderr) = palpate(&["replay", &at("session.palpate")]);
+    assert!(text.starts_with(&format!("replayed {ticks} ticks and ")), "{text} {stderr}");
+    assert_eq!((status, text.contains("the same bits")), (0, true), "output {text}, errors {stderr}");
+
+    // As a table the ticks say of which tool they are, and as a log each tool has topics of its own.
+    assert_eq!(palpate(&["replay", &at("session.palpate"), "--csv", &at("ticks")]).0, 0);
+    let table = fs::read_to_string(at("ticks")).unwrap();
+    let of = |name: &str| table.lines().filter(|line| line.starts_with(name)).count() as u64;
+    assert_eq!((of("tool,tick,time_s"), of("above,") + of("aside,")), (1, ticks));
+    run("session.mcap");
+    let bytes = fs::read(at("session.mcap")).unwrap();
+    let topics = mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap().channel.topic.clone());
+    let topics: std::collections::BTreeSet<String> = topics.collect();
+    let names = [
+        "/aside/device",
+        "/aside/step",
+        "/aside/tick",
+        "/aside/tool",
+        "/contacts",
+        "/device",
+        "/step",
+        "/tick",
+        "/tool",
+    ];
+    assert_eq!(topics.iter().collect::<Vec<_>>(), names);
+
+    // Two devices that may be one are refused.
+    for (device, remedy) in [
+        ("device = \"haply\"", "give each a `device_id` of its own"),
+        ("device = \"touch\"", "give one of them another kind"),
+        ("device = \"space-mouse\", unit = \"/dev/hidraw9\"", "give each a `unit` of its own"),
+    ] {
+        fs::write(at("twice.toml"), two_devices([device, device])).unwrap();
+        let (status, _, error) = palpate(&["run", &at("twice.toml")]);
+        let words = format!("tool.aside.haptics.device`: may be the device of above; {remedy}");
+        assert!(status == 2 && error.contains(&words), "{status}: {error}");
+    }
+
+    // What a device was recorded with plays again, each for its own tool.
+    let recording = format!("device = \"replay\", recording = {:?}", at("session.palpate"));
+    fs::write(at("scene.toml"), two_devices([&recording, &recording])).unwrap();
+    let (_, stderr) = run("again.palpate");
+    assert!(stderr.contains("aside: coupling "), "{stderr}");
+    let summary: Value = serde_json::from_str(&fs::read_to_string(at("out/summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["further_haptics"]["aside"]["profile"], "premium", "{summary}");
+}
+
 #[test]
 fn a_log_has_every_tick_and_the_contacts_of_every_step() {
     let folder = tempfile::tempdir().unwrap();

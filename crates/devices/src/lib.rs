@@ -15,6 +15,8 @@ mod replayed;
 pub mod resolution;
 pub mod safety_check;
 pub mod scripted;
+#[cfg(test)]
+mod several;
 pub mod space_mouse;
 #[cfg(test)]
 mod steady;

@@ -31,7 +31,7 @@ pub use table::Table;
 /// First bytes of a recording.
 const MAGIC: &[u8; 8] = b"palpate\0";
 /// Version of the format, which changes whenever the content of header or entries changes.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 /// Greatest length of a header or an entry, bytes.
 const MOST_BYTES: usize = 1 << 20;
 /// Size of the write buffer, bytes.
@@ -53,16 +53,24 @@ pub struct Header {
     /// Name of the implementation of the depth stage (the part of a step that finds how deep bodies penetrate each
     /// other), see [`name`](palpate::scene::DepthPath::name); `None` if the step has no depth stage.
     pub depth: Option<String>,
-    /// Name of the haptic device's profile (set of its limits).
+    /// The haptic devices, in the order of the tools that they lead.
+    pub leaders: Vec<Leader>,
+}
+
+/// A haptic device of a session.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Leader {
+    /// Name of the tool that it leads.
+    pub tool: String,
+    /// Name of its profile (set of its limits).
     pub profile: String,
-    /// Name of the haptic device, as the user gives it.
-    pub haptic_device: String,
+    /// Name of the kind of device, as the user gives it.
+    pub device: String,
 }
 
 impl Header {
-    /// The header of a session of `simulation`, whose scene `scene` was loaded from a file, with the haptic device
-    /// `haptic_device` of the profile `profile`.
-    pub fn new(scene: &Scene, simulation: &Simulation, profile: &str, haptic_device: &str) -> Result<Header> {
+    /// The header of a session of `simulation`, whose scene `scene` was loaded from a file, with these haptic devices.
+    pub fn new(scene: &Scene, simulation: &Simulation, leaders: Vec<Leader>) -> Result<Header> {
         let context = simulation.context();
         // Without a working directory there are no absolute paths; then a replay must be given the scene's path.
         let absolute = std::path::absolute(&scene.file).unwrap_or_else(|_| scene.file.clone());
@@ -73,8 +81,7 @@ impl Header {
             device: context.device_name().into(),
             driver: context.driver().into(),
             depth: simulation.depth_path().map(|path| path.name().into()),
-            profile: profile.into(),
-            haptic_device: haptic_device.into(),
+            leaders,
         })
     }
 }
@@ -94,17 +101,17 @@ pub struct Begin {
 }
 
 /// A step of the simulation.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Step {
-    /// Inputs of the step: pose and twist of haptic device and tool.
-    pub input: DeviceInput,
+    /// Inputs of the step: pose and twist of each haptic device and tool.
+    pub inputs: Vec<DeviceInput>,
     /// Length of the step, s.
     pub h: f64,
-    /// Contact wrench (force and torque) on the tool that the step returned.
-    pub wrench: ContactWrench,
+    /// Contact wrench (force and torque) on each of the tools that the step returned.
+    pub wrenches: Vec<ContactWrench>,
 }
 
-/// Numbers of entries in a recording.
+/// Numbers of entries in a recording, of all devices together.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Totals {
     /// Ticks recorded.
@@ -115,13 +122,13 @@ pub struct Totals {
     pub lost: u64,
 }
 
-/// An entry of a recording.
+/// An entry of a recording. An index is that of a tool, from 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Entry {
-    /// What the servo was made with: the first entry.
-    Begin(Box<Begin>),
-    /// A tick of the loop.
-    Tick(Box<Tick>),
+    /// What the servo of a tool was made with: the first entries, one for each tool in order.
+    Begin(usize, Box<Begin>),
+    /// A tick of a tool's loop.
+    Tick(usize, Box<Tick>),
     /// A step of the simulation. The entry may come after ticks that already used the step's wrench.
     Step(Box<Step>),
     /// The regular end of the session: the last entry.
@@ -134,8 +141,8 @@ pub struct Recording {
     file: PathBuf,
     sink: Sink,
     totals: Totals,
-    /// Index of the next tick if no tick is missing.
-    next: u64,
+    /// For each tool: index of the next tick if no tick is missing.
+    next: Vec<u64>,
 }
 
 enum Sink {
@@ -153,7 +160,7 @@ impl Recording {
         let failed = |source| Error::Output { file: path.into(), source };
         let mut file = BufWriter::with_capacity(BUFFER, File::create_new(path).map_err(failed)?);
         let sink = match ending.to_str() {
-            Some("csv") => Sink::Csv(Box::new(Table::new(file))),
+            Some("csv") => Sink::Csv(Box::new(Table::new(file, header))),
             Some("mcap") => Sink::Mcap(Box::new(Log::new(file, header).map_err(failed)?)),
             _ => {
                 let opening = [MAGIC.as_slice(), &VERSION.to_le_bytes()].concat();
@@ -161,7 +168,7 @@ impl Recording {
                 Sink::Binary(file)
             }
         };
-        Ok(Recording { file: path.into(), sink, totals: Totals::default(), next: 0 })
+        Ok(Recording { file: path.into(), sink, totals: Totals::default(), next: vec![0; header.leaders.len()] })
     }
 
     /// Whether the file has room for what [`Recording::outcome`] records. Only an MCAP log does.
@@ -169,29 +176,31 @@ impl Recording {
         matches!(self.sink, Sink::Mcap(_))
     }
 
-    /// Records what the servo was made with; called before the first tick and the first step.
-    pub fn begin(&mut self, settings: &Settings, tool: &Tool) -> Result<()> {
-        self.put(Entry::Begin(Box::new(Begin { settings: *settings, tool: tool.clone() })))
+    /// Records what the servo of the tool `index` was made with; called for each tool in order, before the first tick and
+    /// the first step.
+    pub fn begin(&mut self, index: usize, settings: &Settings, tool: &Tool) -> Result<()> {
+        self.put(Entry::Begin(index, Box::new(Begin { settings: *settings, tool: tool.clone() })))
     }
 
-    /// Records a tick of the loop.
-    pub fn tick(&mut self, tick: &Tick) -> Result<()> {
+    /// Records a tick of the loop of the tool `index`, which is one of those in the header.
+    pub fn tick(&mut self, index: usize, tick: &Tick) -> Result<()> {
         self.totals.ticks += 1;
-        self.totals.lost += tick.index.saturating_sub(self.next);
-        self.next = tick.index + 1;
-        self.put(Entry::Tick(Box::new(*tick)))
+        self.totals.lost += tick.index.saturating_sub(self.next[index]);
+        self.next[index] = tick.index + 1;
+        self.put(Entry::Tick(index, Box::new(*tick)))
     }
 
-    /// Records a step of `h` s with its inputs and the contact wrench that it returned.
-    pub fn step(&mut self, input: &DeviceInput, h: f64, wrench: &ContactWrench) -> Result<()> {
+    /// Records a step of `h` s with its inputs and the contact wrenches that it returned.
+    pub fn step(&mut self, inputs: &[DeviceInput], h: f64, wrenches: &[ContactWrench]) -> Result<()> {
         self.totals.steps += 1;
-        self.put(Entry::Step(Box::new(Step { input: *input, h, wrench: *wrench })))
+        self.put(Entry::Step(Box::new(Step { inputs: inputs.into(), h, wrenches: wrenches.into() })))
     }
 
-    /// Records the outcome of the step with the inputs `input`; does nothing unless [`Recording::takes_outcomes`].
-    pub fn outcome(&mut self, input: &DeviceInput, outcome: &Outcome) -> Result<()> {
+    /// Records the outcome of the step whose inputs were taken at `time`, s; does nothing unless
+    /// [`Recording::takes_outcomes`].
+    pub fn outcome(&mut self, time: f64, outcome: &Outcome) -> Result<()> {
         match &mut self.sink {
-            Sink::Mcap(log) => log.outcome(input.time, outcome),
+            Sink::Mcap(log) => log.outcome(time, outcome),
             Sink::Binary(_) | Sink::Csv(_) => Ok(()),
         }
         .map_err(|source| Error::Output { file: self.file.clone(), source })
@@ -213,9 +222,9 @@ impl Recording {
     fn put(&mut self, entry: Entry) -> Result<()> {
         match (&mut self.sink, &entry) {
             (Sink::Binary(file), _) => write(file, &entry),
-            (Sink::Csv(table), Entry::Tick(tick)) => table.write(tick),
-            (Sink::Mcap(log), Entry::Begin(begin)) => log.begin(begin),
-            (Sink::Mcap(log), Entry::Tick(tick)) => log.tick(tick),
+            (Sink::Csv(table), Entry::Tick(index, tick)) => table.write(*index, tick),
+            (Sink::Mcap(log), Entry::Begin(index, begin)) => log.begin(*index, begin),
+            (Sink::Mcap(log), Entry::Tick(index, tick)) => log.tick(*index, tick),
             (Sink::Mcap(log), Entry::Step(step)) => log.step(step),
             (Sink::Csv(_) | Sink::Mcap(_), _) => Ok(()),
         }

@@ -9,7 +9,7 @@ use palpate::{Error, Result, RigidState, Wrench};
 use crate::record::{Entry, Recorded};
 use crate::replay::reading_of;
 
-/// The readings of a recording in their order, one for each tick (iteration of the loop): the n-th call to read gives
+/// The readings of one device of a recording in their order, one for each tick (iteration of the loop): the n-th call to read gives
 /// the n-th reading, faults included, whatever the time. After the last reading the device rests at its last pose. A
 /// wrench written to it has no effect.
 pub struct Replay {
@@ -19,10 +19,17 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Reads a whole recording, or what there is of a recording that was cut short.
-    pub fn open(path: &Path) -> Result<Replay> {
+    /// Reads the readings of the device that led the tool `index`: of a whole recording, or of what there is of one that was
+    /// cut short.
+    pub fn open(path: &Path, index: usize) -> Result<Replay> {
         let recorded = Recorded::open(path)?;
-        let name = &recorded.header.profile;
+        let Some(leader) = recorded.header.leaders.get(index) else {
+            let (has, asked) = (recorded.header.leaders.len(), index + 1);
+            let problem =
+                format!("has the readings of {has} haptic device(s), and those of number {asked} are asked for");
+            return Err(Error::input(path, None, problem, "give a recording of a session with as many devices"));
+        };
+        let name = &leader.profile;
         let profile = Profile::named(name).ok_or_else(|| {
             let problem = format!("was recorded with the device profile \"{name}\", which is unknown");
             let known = PROFILES.each_ref().map(|profile| profile.name).join(", ");
@@ -30,8 +37,9 @@ impl Replay {
         })?;
         let mut readings = Vec::new();
         for entry in recorded {
-            if let Entry::Tick(tick) = entry? {
-                readings.push(reading_of(&tick));
+            match entry? {
+                Entry::Tick(of, tick) if of == index => readings.push(reading_of(&tick)),
+                _ => {}
             }
         }
         Ok(Replay { profile, readings: readings.into_iter(), last: None })

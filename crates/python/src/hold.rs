@@ -6,11 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::session::{self, Moment, Options, Report};
-use palpate::internal::step::{ContactWrench, DeviceInput};
-use palpate::scene::{DeviceKind, Key};
+use palpate::scene::DeviceKind;
 use palpate::{Error, RigidState, Simulation};
 use pyo3::prelude::*;
 
@@ -24,15 +22,6 @@ type PlainTick = (f64, PlainPose, PlainPose, [f64; 3], [f64; 3], [f64; 3], f64);
 /// Shortest and longest wait between two looks at the loop, s: the longest lets an interrupt be noticed.
 const NAP: [f64; 2] = [1e-3, 5e-3];
 
-struct Felt<'a>(&'a mut Simulation);
-
-impl Environment for Felt<'_> {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
-        self.0.step_device_input(input, h)?;
-        Ok(self.0.contact_wrench().copied().unwrap_or(ContactWrench::none(input.tool)))
-    }
-}
-
 /// Ends the loop when it is dropped, so that nothing waits for a session that nobody watches.
 struct Ended<'a>(&'a AtomicBool);
 
@@ -42,15 +31,16 @@ impl Drop for Ended<'_> {
     }
 }
 
-/// Runs the loop for `seconds` with the device of this name, or the scene's. `watch` is called every `every` seconds with
-/// the newest tick, on the calling thread; if it returns `False` or raises, or at an interrupt, the loop ends.
+/// Runs the loop for `seconds` with the device of this name, or the scene's; so it does for each further tool to which the
+/// scene gives a device. `watch` is called every `every` seconds with the newest tick of the first tool, on the calling
+/// thread; if it returns `False` or raises, or at an interrupt, the loops end. Returns a report for each device.
 pub fn hold(
     simulation: &mut Simulation,
     device: Option<&str>,
     seconds: f64,
     every: f64,
     watch: Option<&Py<PyAny>>,
-) -> PyResult<Report> {
+) -> PyResult<Vec<Report>> {
     let mut scene = simulation.scene().clone();
     if let Some(name) = device {
         let known = DeviceKind::CHOICES.iter().find(|(known, _)| *known == name);
@@ -61,20 +51,19 @@ pub fn hold(
     scene.haptics.has_device = true;
     let missing = || raise(Error::Usage("the scene has no tool for a haptic device to hold; add a [tool]".into()));
     let tool = simulation.tool().ok_or_else(missing)?.clone();
-    let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
-    let device = palpate_cli::haptic_device(&scene, start).map_err(raise)?;
+    let leaders = palpate_cli::leaders(simulation, &scene).map_err(raise)?;
     let stop = Arc::new(AtomicBool::new(false));
     let options = Options { seconds, shortest_step: scene.step.dt, stop: stop.clone(), bare_timer: false };
     let newest: Mutex<Option<Tick>> = Mutex::new(None);
     let hear = |moment: Moment| {
-        if let Moment::Tick(tick) = moment {
+        if let Moment::Tick(0, tick) = moment {
             *newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(*tick);
         }
         Ok(())
     };
     let (came, watched) = thread::scope(|scope| {
         let _ended = Ended(&stop);
-        let work = || session::hold(device, &tool, &scene.haptics, &mut Felt(simulation), &options, hear);
+        let work = || session::hold_each(leaders, simulation, &options, hear);
         let session = scope.spawn(work);
         let mut watched: PyResult<()> = Ok(());
         let mut shown = Instant::now();

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use glam::DVec3;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use palpate::internal::haptics::session::Report;
 use palpate::internal::prepare::Shape;
 use palpate::scene::{Coupling, Material};
 use palpate::{ContactPoint, Pose, StepReport, ToolReport};
@@ -58,8 +59,8 @@ impl Drop for Held<'_> {
     }
 }
 
-/// What a run of the haptic loop reports; see [`Simulation::hold`].
-type PlainSession = (u64, u64, f64, f64, Option<String>, Vec<String>, String);
+/// What a run of the haptic loop reports of one device; see [`Simulation::hold`].
+type PlainSession = (String, u64, u64, f64, f64, Option<String>, Vec<String>, String);
 
 /// The contacts of a step by columns: bodies, vertex, position, normal, depth, area, pressure, friction.
 type PlainContacts<'py> = (
@@ -177,15 +178,18 @@ impl Simulation {
         device: Option<String>,
         every: f64,
         watch: Option<Py<PyAny>>,
-    ) -> PyResult<PlainSession> {
-        let report = py.detach(|| {
+    ) -> PyResult<Vec<PlainSession>> {
+        let reports = py.detach(|| {
             let mut state = self.lock().map_err(raise)?;
             let _held = Held::by_this_thread(&self.holder);
             hold(&mut state.simulation, device.as_deref(), seconds, every, watch.as_ref())
         })?;
-        let all = palpate_cli::session_summary(&report).to_string();
-        let ticks = report.lateness.ticks();
-        Ok((ticks, report.steps, report.pace, report.peak_force, report.ended, report.notes, all))
+        let plain = |report: Report| {
+            let all = palpate_cli::session_summary(&report).to_string();
+            let ticks = report.lateness.ticks();
+            (report.tool, ticks, report.steps, report.pace, report.peak_force, report.ended, report.notes, all)
+        };
+        Ok(reports.into_iter().map(plain).collect())
     }
 
     /// Notes on values that are most likely a mistake, and on what preparation changed in the bodies' mesh files.

@@ -256,25 +256,40 @@ def test_poses_lead_the_tool() -> None:
             simulation.step(wrong)
 
 
-def test_poses_lead_each_of_several_tools() -> None:
+def two_tools(**right: object) -> Scene:
+    """Two balls on the ground, each a tool; `right`: keys of the second tool."""
     ball = {"surface": {"model": "sphere", "vertices": 100}, "scale": 0.01, "motion": "dynamic", "mass": 0.05}
     coupling = {"stiffness": 500.0, "damping": 5.0, "angular_stiffness": 1.0, "angular_damping": 0.01}
-    simulation = Simulation(
-        Scene(
-            {
-                "step": {"gravity": [0.0, 0.0, 0.0]},
-                "body": [
-                    {"name": "ground", "plane": [0.0, 1.0, 0.0, 0.0]},
-                    {"name": "a", "position": [-0.03, 0.0101, 0.0], **ball},
-                    {"name": "b", "position": [0.03, 0.0101, 0.0], **ball},
-                ],
-                "tool": [
-                    {"name": "left", "body": "a", "coupling": coupling},
-                    {"name": "right", "body": "b", "coupling": coupling},
-                ],
-            }
-        )
+    return Scene(
+        {
+            "step": {"gravity": [0.0, 0.0, 0.0]},
+            "body": [
+                {"name": "ground", "plane": [0.0, 1.0, 0.0, 0.0]},
+                {"name": "a", "position": [-0.03, 0.0101, 0.0], **ball},
+                {"name": "b", "position": [0.03, 0.0101, 0.0], **ball},
+            ],
+            "tool": [
+                {"name": "left", "body": "a", "coupling": coupling},
+                {"name": "right", "body": "b", "coupling": coupling, **right},
+            ],
+        }
     )
+
+
+def test_haptic_devices_hold_several_tools() -> None:
+    drive = {"keys": [[0.0, 0.03, 0.0101, 0.0], [0.1, 0.03, 0.006, 0.0]]}
+    simulation = Simulation(two_tools(drive=drive, haptics={"max_force": 3.0}))
+    session = simulation.hold(0.4, device="scripted")
+    (name,) = session.further
+    right = session.further[name]
+    assert name == "right" and right.ended is None and right.further == {}
+    assert session.steps == right.steps > 10 and right.ticks > 200
+    assert session.peak_force < 0.1 < right.peak_force <= 3.0
+    assert Simulation(two_tools(drive=drive)).hold(0.1, device="scripted").further == {}
+
+
+def test_poses_lead_each_of_several_tools() -> None:
+    simulation = Simulation(two_tools())
     poses = [Pose((-0.03, 0.008, 0.0)), Pose((0.03, 0.006, 0.0))]
     report = [simulation.step_tools(poses) for _ in range(200)][-1]
     (right,) = report.further_tools

@@ -83,7 +83,8 @@ impl fmt::Display for Closing<'_> {
                 1e6 * lateness.worst()
             )
         };
-        line(f, "haptic loop", &report.lateness)?;
+        let of = if report.tool.is_empty() { String::new() } else { format!(" of {}", report.tool) };
+        line(f, &format!("haptic loop{of}"), &report.lateness)?;
         if let Some(bare) = &report.bare {
             line(f, "bare timer, for comparison", bare)?;
         }

@@ -27,8 +27,8 @@ pub struct Page<'a> {
     pub tally: &'a Tally,
     /// The curves of force, indentation, contacts and iterations over the steps.
     pub curves: &'a Curves,
-    /// The session; `None` if the run had no haptic device.
-    pub session: Option<Session<'a>>,
+    /// What each haptic device of a session did; empty if the run had none.
+    pub sessions: &'a [Session<'a>],
     /// How a signal cut the run short, in words.
     pub interrupted: Option<&'a str>,
     /// The body that was nearest to the tool at the end, if the tool never touched anything.
@@ -65,7 +65,7 @@ impl Page<'_> {
         self.write_felt(&mut body);
         self.write_pictures(&mut body);
         self.write_curves(&mut body)?;
-        if let Some(session) = &self.session {
+        for session in self.sessions {
             session.write(&mut body)?;
         }
         self.write_cost(&mut body);
@@ -75,7 +75,7 @@ impl Page<'_> {
     }
 
     fn write_flags(&self, body: &mut String) {
-        let ended = self.session.as_ref().and_then(|session| session.report.ended.as_deref());
+        let ended = self.sessions.first().and_then(|session| session.report.ended.as_deref());
         let raised: Vec<_> = self.tally.raised().collect();
         if raised.is_empty() && ended.is_none() && self.interrupted.is_none() {
             return;
@@ -204,10 +204,10 @@ impl Page<'_> {
 
     fn write_run(&self, body: &mut String) {
         let (scene, facts) = (self.scene, self.facts);
-        let dt = match &self.session {
-            None => format!("{:?} s", scene.step.dt),
-            Some(_) => {
-                let longest = scene.haptics.longest_step;
+        let dt = match self.sessions {
+            [] => format!("{:?} s", scene.step.dt),
+            _ => {
+                let longest = scene.longest_step();
                 format!("as long as a step takes to compute, from {:?} s to {longest:?} s", scene.step.dt)
             }
         };
@@ -279,8 +279,9 @@ impl Session<'_> {
         let [of_played, of_contact] = report.end.map(|wrench| wrench.force.length());
         let _ = writeln!(
             body,
-            "<h2>The haptic device</h2>\n<p>Profile {}. The greatest force played was {} N; at the end {} N were \
+            "<h2>The haptic device{}</h2>\n<p>Profile {}. The greatest force played was {} N; at the end {} N were \
              played, and the contact force was {} N. Simulated time ran at {:.0} % of real time.</p>",
+            if report.tool.is_empty() { String::new() } else { format!(" of {}", escaped(&report.tool)) },
             escaped(report.profile),
             felt::newtons(report.peak_force),
             felt::newtons(of_played),

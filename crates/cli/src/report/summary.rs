@@ -187,6 +187,9 @@ pub struct Summary {
     /// if the run had no device.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub haptics: Option<Value>,
+    /// By name of the tool: the same for the haptic devices that led tools after the first; left out if there were none.
+    #[serde(skip_serializing_if = "Map::is_empty")]
+    pub further_haptics: Map<String, Value>,
     /// Version of palpate.
     pub version: &'static str,
 }
@@ -224,6 +227,7 @@ impl Summary {
             files: told.map(|(name, report)| (name.clone(), json!(report))).collect(),
             preset: None,
             haptics: None,
+            further_haptics: Map::new(),
             version: env!("CARGO_PKG_VERSION"),
         }
     }

@@ -10,8 +10,6 @@ use palpate::internal::step::{ContactWrench, DeviceInput, Gap};
 use palpate::scene::Coupling;
 use palpate::{RigidState, Wrench};
 
-use super::Step;
-
 const XYZ: [&str; 3] = ["_x", "_y", "_z"];
 /// Suffixes of the names of six components: three linear ones, then three angular ones.
 const SIX: [&str; 6] = ["_x", "_y", "_z", "_rx", "_ry", "_rz"];
@@ -116,11 +114,11 @@ pub fn of_tick(tick: &Tick) -> Vec<Field> {
     fields.0
 }
 
-/// All values of a simulation step: its inputs (named `held_...`), its length, and the contact wrench that it returned.
-pub fn of_step(step: &Step) -> Vec<Field> {
-    let Step { input, h, wrench } = *step;
+/// All values of a simulation step that belong to one tool: its inputs (named `held_...`), its length, and the contact
+/// wrench that it returned.
+pub fn of_step(input: &DeviceInput, h: f64, wrench: &ContactWrench) -> Vec<Field> {
     let mut fields = List::default();
-    let DeviceInput { ticks, time, device, tool, coupling, max_force } = input;
+    let DeviceInput { ticks, time, device, tool, coupling, max_force } = *input;
     fields.count("held_ticks", ticks);
     fields.number("held_time_s", time);
     fields.state("held_device", &device);
@@ -146,7 +144,7 @@ pub fn of_step(step: &Step) -> Vec<Field> {
         gap,
         farther,
         has_kinematic_motion,
-    } = wrench;
+    } = *wrench;
     fields.count("step", step);
     fields.number("time_s", time);
     fields.state("tool", &tool);

@@ -19,7 +19,7 @@ use prost_reflect::prost_types::{DescriptorProto, FieldDescriptorProto, FileDesc
 use prost_reflect::{DescriptorPool, DynamicMessage, MessageDescriptor};
 
 use super::fields::{self, Field, Value};
-use super::{Begin, Header, Step};
+use super::{Begin, Header, Leader, Step};
 
 /// Messages are written out in chunks of at least this many bytes; a program that is killed loses its last chunk.
 const CHUNK: u64 = 1 << 16;
@@ -44,12 +44,19 @@ pub struct Outcome {
 /// A log being written. If it is dropped before [`Log::finish`], it is finished all the same.
 pub struct Log<W: Write + Seek> {
     writer: mcap::Writer<W>,
+    leaders: Vec<LeaderChannels>,
+    contacts: Channel,
+    flags: Channel,
+}
+
+/// The channels of one haptic device and its tool. Their topics begin with `prefix`: nothing for the first, the tool's
+/// name for any other.
+struct LeaderChannels {
+    prefix: String,
     ticks: Option<Rows>,
     steps: Option<Rows>,
     device: Channel,
     tool: Channel,
-    contacts: Channel,
-    flags: Channel,
 }
 
 struct Channel {
@@ -71,12 +78,18 @@ impl<W: Write + Seek> Log<W> {
             .chunk_size(Some(CHUNK))
             .library(format!("palpate {}", header.program));
         let mut writer = options.create(writer).map_err(failed)?;
-        let device = add::<PoseInFrame, W>(&mut writer, "/device")?;
-        let tool = add::<PoseInFrame, W>(&mut writer, "/tool")?;
+        let mut leaders = Vec::new();
+        for (index, leader) in header.leaders.iter().enumerate() {
+            let prefix = if index == 0 { String::new() } else { format!("/{}", leader.tool) };
+            let device = add::<PoseInFrame, W>(&mut writer, &format!("{prefix}/device"))?;
+            let tool = add::<PoseInFrame, W>(&mut writer, &format!("{prefix}/tool"))?;
+            leaders.push(LeaderChannels { prefix, ticks: None, steps: None, device, tool });
+        }
         let contacts = add::<PointCloud, W>(&mut writer, "/contacts")?;
         let flags = add::<messages::Log, W>(&mut writer, "/flags")?;
-        let mut log = Log { writer, ticks: None, steps: None, device, tool, contacts, flags };
-        let Header { program, scene, scene_digest, device, driver, depth, profile, haptic_device } = header;
+        let mut log = Log { writer, leaders, contacts, flags };
+        let Header { program, scene, scene_digest, device, driver, depth, leaders } = header;
+        let all = |of: fn(&Leader) -> &str| leaders.iter().map(of).collect::<Vec<_>>().join(" ");
         let digest: String = scene_digest.iter().map(|byte| format!("{byte:02x}")).collect();
         log.describe(
             "session",
@@ -87,31 +100,38 @@ impl<W: Write + Seek> Log<W> {
                 ("device", device),
                 ("driver", driver),
                 ("depth", depth.as_deref().unwrap_or_default()),
-                ("profile", profile),
-                ("haptic_device", haptic_device),
+                ("tool", &all(|leader| &leader.tool)),
+                ("profile", &all(|leader| &leader.profile)),
+                ("haptic_device", &all(|leader| &leader.device)),
             ],
         )?;
         Ok(log)
     }
 
-    /// Writes what the haptic loop was made with.
-    pub fn begin(&mut self, begin: &Begin) -> Result<()> {
+    /// Writes what the haptic loop of the tool `index` was made with.
+    pub fn begin(&mut self, index: usize, begin: &Begin) -> Result<()> {
         let settings = serde_json::to_string(&begin.settings)?;
         let tool = serde_json::to_string(&begin.tool)?;
-        self.describe("loop", [("settings", &settings), ("tool", &tool)])
+        let name = format!("loop{}", self.leaders[index].prefix);
+        self.describe(&name, [("settings", &settings), ("tool", &tool)])
     }
 
-    /// Writes a tick: its fields, and the poses of device and tool.
-    pub fn tick(&mut self, tick: &Tick) -> Result<()> {
+    /// Writes a tick of the tool `index`: its fields, and the poses of device and tool.
+    pub fn tick(&mut self, index: usize, tick: &Tick) -> Result<()> {
         let at = nanoseconds(tick.time);
-        put_row(&mut self.writer, &mut self.ticks, "Tick", at, &fields::of_tick(tick))?;
-        put(&mut self.writer, &mut self.device, at, &pose(at, &tick.device))?;
-        put(&mut self.writer, &mut self.tool, at, &pose(at, &tick.tool))
+        let LeaderChannels { prefix, ticks, device, tool, .. } = &mut self.leaders[index];
+        put_row(&mut self.writer, ticks, prefix, "Tick", at, &fields::of_tick(tick))?;
+        put(&mut self.writer, device, at, &pose(at, &tick.device))?;
+        put(&mut self.writer, tool, at, &pose(at, &tick.tool))
     }
 
     /// Writes a step, at the time at which its inputs were taken.
     pub fn step(&mut self, step: &Step) -> Result<()> {
-        put_row(&mut self.writer, &mut self.steps, "Step", nanoseconds(step.input.time), &fields::of_step(step))
+        for (leader, (input, wrench)) in self.leaders.iter_mut().zip(step.inputs.iter().zip(&step.wrenches)) {
+            let fields = fields::of_step(input, step.h, wrench);
+            put_row(&mut self.writer, &mut leader.steps, &leader.prefix, "Step", nanoseconds(input.time), &fields)?;
+        }
+        Ok(())
     }
 
     /// Writes the outcome of a step whose inputs were taken at `time`, s.
@@ -176,17 +196,19 @@ fn put<M: Encode, W: Write + Seek>(
     channel.write(writer, at, &bytes)
 }
 
-/// Writes fields as a message; the first message of a channel `rows` makes the channel, its schema of the type `name`.
+/// Writes fields as a message; the first message of a channel `rows` makes the channel, its topic with this prefix and its
+/// schema of the type `name`.
 fn put_row<W: Write + Seek>(
     writer: &mut mcap::Writer<W>,
     rows: &mut Option<Rows>,
+    prefix: &str,
     name: &str,
     at: u64,
     fields: &[Field],
 ) -> Result<()> {
     let rows = match rows {
         Some(rows) => rows,
-        none => none.insert(Rows::new(writer, name, fields)?),
+        none => none.insert(Rows::new(writer, prefix, name, fields)?),
     };
     let mut message = DynamicMessage::new(rows.message.clone());
     for (field, number) in fields.iter().zip(1..) {
@@ -206,7 +228,7 @@ fn put_row<W: Write + Seek>(
 }
 
 impl Rows {
-    fn new<W: Write + Seek>(writer: &mut mcap::Writer<W>, name: &str, fields: &[Field]) -> Result<Rows> {
+    fn new<W: Write + Seek>(writer: &mut mcap::Writer<W>, prefix: &str, name: &str, fields: &[Field]) -> Result<Rows> {
         let field = |(field, number): (&Field, i32)| {
             let (label, kind) = match field.value {
                 Value::Count(_) => (Label::Optional, Type::Uint64),
@@ -238,7 +260,7 @@ impl Rows {
         let full = format!("palpate.{name}");
         let pool = DescriptorPool::from_file_descriptor_set(set).map_err(Error::other)?;
         let message = pool.get_message_by_name(&full).ok_or_else(|| Error::other("a schema lacks its message"))?;
-        let topic = format!("/{}", name.to_lowercase());
+        let topic = format!("{prefix}/{}", name.to_lowercase());
         Ok(Rows { channel: channel(writer, &topic, &full, &schema)?, message })
     }
 }

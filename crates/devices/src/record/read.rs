@@ -5,12 +5,16 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use palpate::internal::files;
+use palpate::internal::shaders;
 use palpate::{Error, Result};
 use serde::de::DeserializeOwned;
 
 use super::{Entry, Header, MAGIC, MOST_BYTES, Totals, VERSION};
 
 const REMEDY: &str = "give a file that `palpate run --record` wrote";
+
+/// Greatest number of haptic devices in a recording.
+const MOST_TOOLS: usize = shaders::MOST_TOOLS as usize;
 
 /// An open recording, which iterates over its entries. If the file was cut short, the iteration ends after the last
 /// whole entry, without [`Entry::End`].
@@ -23,7 +27,8 @@ pub struct Recorded {
     position: u64,
     /// Numbers of entries read.
     totals: Totals,
-    next: u64,
+    /// For each tool: index of the next tick if none is missing.
+    next: Vec<u64>,
     is_over: bool,
 }
 
@@ -49,10 +54,15 @@ impl Recorded {
             return Err(Error::input(path, None, problem, "use the version of palpate that wrote it"));
         }
         let mut position = opening.len() as u64;
-        let header = value(path, &mut bytes, &mut position)?;
+        let header = value::<Header>(path, &mut bytes, &mut position)?;
         let header = header.ok_or_else(|| not_one("is cut short: it ends within the header".into()))?;
+        let leaders = header.leaders.len();
+        if leaders == 0 || leaders > MOST_TOOLS {
+            let problem = format!("its header names {leaders} haptic devices, where 1 to {MOST_TOOLS} are possible");
+            return Err(damaged(path, opening.len() as u64, &problem));
+        }
         let (totals, file) = (Totals::default(), path.into());
-        Ok(Recorded { header, file, bytes, position, totals, next: 0, is_over: false })
+        Ok(Recorded { header, file, bytes, position, totals, next: vec![0; leaders], is_over: false })
     }
 
     /// Path of the file.
@@ -64,15 +74,26 @@ impl Recorded {
     fn entry(&mut self) -> Result<Option<Entry>> {
         let at = self.position;
         let Some(entry) = value::<Entry>(&self.file, &mut self.bytes, &mut self.position)? else { return Ok(None) };
+        let leaders = self.next.len();
         match &entry {
-            Entry::Begin(_) => {}
-            Entry::Tick(tick) if tick.index < self.next || tick.index == u64::MAX => {
+            Entry::Begin(index, _) | Entry::Tick(index, _) if *index >= leaders => {
+                let problem = format!("it is of tool {index}, where the header names {leaders}");
+                return Err(damaged(&self.file, at, &problem));
+            }
+            Entry::Begin(..) => {}
+            Entry::Tick(index, tick) if tick.index < self.next[*index] || tick.index == u64::MAX => {
                 return Err(damaged(&self.file, at, &format!("tick {} is repeated or out of order", tick.index)));
             }
-            Entry::Tick(tick) => {
+            Entry::Tick(index, tick) => {
                 self.totals.ticks += 1;
-                self.totals.lost += tick.index - self.next;
-                self.next = tick.index + 1;
+                self.totals.lost += tick.index - self.next[*index];
+                self.next[*index] = tick.index + 1;
+            }
+            Entry::Step(step) if [step.inputs.len(), step.wrenches.len()] != [leaders; 2] => {
+                let (inputs, wrenches) = (step.inputs.len(), step.wrenches.len());
+                let problem =
+                    format!("it has {inputs} inputs and {wrenches} wrenches, where the header names {leaders} tools");
+                return Err(damaged(&self.file, at, &problem));
             }
             Entry::Step(_) => self.totals.steps += 1,
             Entry::End(totals) => {

@@ -35,8 +35,7 @@ pub fn header() -> Header {
         device: "none".into(),
         driver: "none".into(),
         depth: Some("compute".into()),
-        profile: "premium".into(),
-        haptic_device: "scripted".into(),
+        leaders: vec![Leader { tool: "tool".into(), profile: "premium".into(), device: "scripted".into() }],
     }
 }
 
@@ -98,19 +97,20 @@ fn session(mut keep: impl FnMut(Entry)) {
     };
     let mut walled = Walled::new();
     let mut servo = Servo::new(settings, tool());
-    keep(Entry::Begin(Box::new(Begin { settings, tool: tool() })));
+    keep(Entry::Begin(0, Box::new(Begin { settings, tool: tool() })));
     for _ in 0..FIRST {
         let (input, h) = (servo.input(), 0.01);
-        keep(Entry::Step(Box::new(Step { input, h, wrench: walled.feel(&input, h).unwrap() })));
+        let wrenches = vec![walled.feel(&input, h).unwrap()];
+        keep(Entry::Step(Box::new(Step { inputs: vec![input], h, wrenches })));
     }
     let (mut newest, mut under_way, mut waiting) = (servo.newest(), None, Vec::new());
     for k in 0..TICKS {
         if k % EVERY == 0 {
             let (input, h) = (servo.input(), 1e-3 * EVERY as f64);
-            under_way = Some(Step { input, h, wrench: walled.feel(&input, h).unwrap() });
+            under_way = Some(Step { inputs: vec![input], h, wrenches: vec![walled.feel(&input, h).unwrap()] });
         }
         if k % EVERY == DELAY {
-            newest = under_way.map_or(newest, |step| step.wrench);
+            newest = under_way.as_ref().map_or(newest, |step| step.wrenches[0]);
         }
         let time = 1e-3 * k as f64;
         let mut said = Ok(reading(time));
@@ -124,7 +124,7 @@ fn session(mut keep: impl FnMut(Entry)) {
         if k == FAULTS[3] {
             servo.unplayed(&mut tick);
         }
-        waiting.push(Entry::Tick(Box::new(tick)));
+        waiting.push(Entry::Tick(0, Box::new(tick)));
         // A step is recorded before the ticks that ran during it, but every third step is recorded after them.
         if k % EVERY == DELAY + 2 || k + 1 == TICKS {
             let step = under_way.take().map(|step| Entry::Step(Box::new(step)));
@@ -144,9 +144,9 @@ fn entries() -> Vec<Entry> {
 fn write_all(recording: &mut Recording, entries: &[Entry]) {
     for entry in entries {
         match entry {
-            Entry::Begin(begin) => recording.begin(&begin.settings, &begin.tool),
-            Entry::Tick(tick) => recording.tick(tick),
-            Entry::Step(step) => recording.step(&step.input, step.h, &step.wrench),
+            Entry::Begin(index, begin) => recording.begin(*index, &begin.settings, &begin.tool),
+            Entry::Tick(index, tick) => recording.tick(*index, tick),
+            Entry::Step(step) => recording.step(&step.inputs, step.h, &step.wrenches),
             Entry::End(_) => Ok(()),
         }
         .unwrap();
@@ -201,7 +201,7 @@ fn what_is_recorded_reads_back_the_same_not_numbers_included() {
     assert_eq!(bytes(read), bytes(&all));
     // The session covers what a recording must hold: contact, times without contact, and every kind of fault.
     let ticks: Vec<&Tick> =
-        all.iter().filter_map(|entry| if let Entry::Tick(tick) = entry { Some(&**tick) } else { None }).collect();
+        all.iter().filter_map(|entry| if let Entry::Tick(_, tick) = entry { Some(&**tick) } else { None }).collect();
     let seen = |event| ticks.iter().filter(|tick| tick.events.has(event)).count();
     assert_eq!((seen(Event::DeviceLost), seen(Event::BadReading)), (2, 2));
     assert!(seen(Event::BadWrench) > 0);
@@ -242,7 +242,7 @@ fn every_way_a_file_can_be_wrong_is_one_line_that_says_where() {
         |at: usize, new: &'static [u8]| -> Spoil { Box::new(move |b| b[at..at + new.len()].copy_from_slice(new)) };
     let wrong: [(Spoil, String); 8] = [
         (put(0, b"PALPATE"), "is not a recording".into()),
-        (put(8, &[1, 0]), "version 1; this palpate reads version 6".into()),
+        (put(8, &[1, 0]), "version 1; this palpate reads version 7".into()),
         (put(at, &[1, 0, 16, 0]), format!("{}: it is 1048577 bytes long", damaged(at))),
         (put(at, &[255; 4]), damaged(at)),
         (put(at + 4, &[9]), damaged(at)),
@@ -269,7 +269,7 @@ fn ticks_that_are_missing_are_counted() {
     let path = folder.path().join("session.palpate");
     let mut recording = Recording::create(&path, &header()).unwrap();
     let mut entries = entries();
-    entries.retain(|entry| !matches!(entry, Entry::Tick(tick) if (50..53).contains(&tick.index)));
+    entries.retain(|entry| !matches!(entry, Entry::Tick(_, tick) if (50..53).contains(&tick.index)));
     write_all(&mut recording, &entries);
     let totals = recording.finish().unwrap();
     assert_eq!((totals.ticks, totals.lost), (TICKS - 3, 3));
@@ -296,7 +296,7 @@ fn a_name_that_ends_in_csv_gives_a_table_of_the_ticks_in_full_precision() {
     let number = |row: usize, head: &str| cell(row, head).parse::<f64>().unwrap();
     let mut row = 0;
     for entry in &all {
-        let Entry::Tick(tick) = entry else { continue };
+        let Entry::Tick(_, tick) = entry else { continue };
         assert_eq!(cell(row, "tick"), tick.index.to_string());
         assert_eq!(number(row, "time_s"), tick.time);
         assert_eq!(number(row, "played_force_y"), tick.played.force.y);
@@ -360,19 +360,19 @@ fn a_name_that_ends_in_mcap_gives_a_log_of_every_tick_step_and_contact() {
         pressure: 1e3,
         friction: DVec3::X * 200.0,
     };
-    let input = |time| DeviceInput { time, ..all.iter().find_map(step_of).unwrap().input };
     let flags = Flags::FROZEN | Flags::CONTACT_OVERFLOW;
-    recording.outcome(&input(0.25), &Outcome { contacts: Vec::new(), flags: Flags::default() }).unwrap();
-    recording.outcome(&input(0.5), &Outcome { contacts: vec![contact(1.0), contact(2.0)], flags }).unwrap();
+    recording.outcome(0.25, &Outcome { contacts: Vec::new(), flags: Flags::default() }).unwrap();
+    recording.outcome(0.5, &Outcome { contacts: vec![contact(1.0), contact(2.0)], flags }).unwrap();
     recording.finish().unwrap();
 
     let topics = messages(&path);
     let names = ["/contacts", "/device", "/flags", "/step", "/tick", "/tool"];
     assert_eq!(topics.keys().collect::<Vec<_>>(), names);
     // Every field of every tick and step has the same bits, and is missing where it has no value.
-    let ticks = all.iter().filter_map(|entry| if let Entry::Tick(tick) = entry { Some(&**tick) } else { None });
+    let ticks = all.iter().filter_map(|entry| if let Entry::Tick(_, tick) = entry { Some(&**tick) } else { None });
     let rows = ticks.clone().map(|tick| (tick.time, fields::of_tick(tick)));
-    let steps = all.iter().filter_map(step_of).map(|step| (step.input.time, fields::of_step(step)));
+    let steps = all.iter().filter_map(step_of);
+    let steps = steps.map(|step| (step.inputs[0].time, fields::of_step(&step.inputs[0], step.h, &step.wrenches[0])));
     let mut empty = 0;
     for (topic, rows) in [("/tick", rows.collect::<Vec<_>>()), ("/step", steps.collect())] {
         assert_eq!(topics[topic].len(), rows.len());

@@ -1,12 +1,14 @@
 //! Tests of the replay of whole, shortened and changed recordings of sessions, and of the device that gives recorded
 //! readings again. A *tick* is one iteration of the haptic loop, a *step* one step of the simulation.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use palpate::internal::haptics::Device;
+use palpate::internal::step::DeviceInput;
 
 use super::*;
 use crate::record::tests::{TICKS, Walled, recorded};
+use crate::record::{Header, Leader, Recording};
 
 fn replayed(path: &Path) -> Result<Replayed> {
     replay(Recorded::open(path)?, &mut Walled::new())
@@ -28,7 +30,7 @@ fn refusal(spoil: impl Fn(&mut Entry)) -> String {
 /// Makes a function that changes one tick of a recording and no other entry.
 fn tick(index: u64, change: impl Fn(&mut Tick)) -> impl Fn(&mut Entry) {
     move |entry| {
-        if let Entry::Tick(tick) = entry
+        if let Entry::Tick(_, tick) = entry
             && tick.index == index
         {
             change(tick);
@@ -40,7 +42,7 @@ fn tick(index: u64, change: impl Fn(&mut Tick)) -> impl Fn(&mut Entry) {
 fn step(number: u64, change: impl Fn(&mut Step)) -> impl Fn(&mut Entry) {
     move |entry| {
         if let Entry::Step(step) = entry
-            && step.wrench.step == number
+            && step.wrenches[0].step == number
         {
             change(step);
         }
@@ -80,10 +82,13 @@ fn one_bit_is_found_and_named_where_it_is() {
     starts(difference(tick(0, |tick| flip(&mut tick.energy.given[3]))), "tick 0 differs first in energy_given_rx: ");
     starts(difference(tick(499, |tick| tick.events.raise(Event::Clamped))), "tick 499 differs first in events: ");
     starts(difference(step(9, |step| step.h += 1e-6)), "step 9 differs first in ");
-    starts(difference(step(9, |step| flip(&mut step.input.tool.position.x))), "step 9 differs first in held_tool_x: ");
-    starts(difference(step(2, |step| flip(&mut step.wrench.wrench.force.y))), "step 2 differs first in force_y: ");
     starts(
-        difference(step(5, |step| flip(&mut step.wrench.stiffness[1][3]))),
+        difference(step(9, |step| flip(&mut step.inputs[0].tool.position.x))),
+        "step 9 differs first in held_tool_x: ",
+    );
+    starts(difference(step(2, |step| flip(&mut step.wrenches[0].wrench.force.y))), "step 2 differs first in force_y: ");
+    starts(
+        difference(step(5, |step| flip(&mut step.wrenches[0].stiffness[1][3]))),
         "step 5 differs first in stiffness_y_rx: ",
     );
     // Smoothing of the device's pose may round off a change of a reading's last bit, so these changes are larger.
@@ -96,10 +101,98 @@ fn one_bit_is_found_and_named_where_it_is() {
     starts(difference(later), "tick 145 differs first in ");
 }
 
+/// Two tools, each with a wall of its own.
+struct Walls([Walled; 2]);
+
+impl Environment for Walls {
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        self.0[0].feel(input, h)
+    }
+
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
+        inputs.iter().zip(&mut self.0).map(|(input, wall)| wall.feel(input, h)).collect()
+    }
+}
+
+/// Records a session of two devices, made of the tests' session: each entry for one tool, then for the other. Of the
+/// second tool's entries each is changed by `spoil`.
+fn recorded_twice(folder: &Path, spoil: impl Fn(&mut Entry)) -> PathBuf {
+    let single = Recorded::open(&recorded(folder, |_| {})).unwrap();
+    let leader = single.header.leaders[0].clone();
+    let leaders = vec![leader.clone(), Leader { tool: "right".into(), ..leader }];
+    let path = folder.join("both.palpate");
+    let mut recording = Recording::create(&path, &Header { leaders, ..single.header.clone() }).unwrap();
+    for entry in single.map(|entry| entry.unwrap()) {
+        let mut other = entry.clone();
+        spoil(&mut other);
+        match (entry, other) {
+            (Entry::Begin(_, begin), _) => {
+                (0..2).for_each(|index| recording.begin(index, &begin.settings, &begin.tool).unwrap());
+            }
+            (Entry::Tick(_, tick), Entry::Tick(_, other)) => {
+                recording.tick(0, &tick).unwrap();
+                recording.tick(1, &other).unwrap();
+            }
+            (Entry::Step(step), Entry::Step(other)) => {
+                let inputs = [step.inputs[0], other.inputs[0]];
+                recording.step(&inputs, step.h, &[step.wrenches[0], other.wrenches[0]]).unwrap();
+            }
+            _ => {}
+        }
+    }
+    recording.finish().unwrap();
+    path
+}
+
+#[test]
+fn a_session_of_two_devices_replays_to_the_same_bits_and_says_whose_differ() {
+    let folder = tempfile::tempdir().unwrap();
+    let replayed = |path: &Path| {
+        let mut walls = Walls([Walled::new(), Walled::new()]);
+        replay(Recorded::open(path).unwrap(), &mut walls).unwrap()
+    };
+    let path = recorded_twice(folder.path(), |_| {});
+    assert_eq!(replayed(&path), Replayed { ticks: 2 * TICKS, steps: 27, is_whole: true, difference: None });
+    // Of a recording that was cut short, what is complete of either device is replayed.
+    let bytes = std::fs::read(&path).unwrap();
+    let mut most = 0;
+    for eighths in 1..8 {
+        let cut = folder.path().join("cut.palpate");
+        std::fs::write(&cut, &bytes[..bytes.len() * eighths / 8]).unwrap();
+        let result = replayed(&cut);
+        let all = Recorded::open(&cut).unwrap().filter(|entry| matches!(entry, Ok(Entry::Tick(..)))).count() as u64;
+        assert!(
+            result.difference.is_none() && !result.is_whole && result.ticks > most,
+            "{eighths} eighths: {result:?}"
+        );
+        // Ticks that use the wrench of a step that was recorded after them are left out.
+        assert!(result.ticks + 2 * 20 >= all, "{eighths} eighths: {} of {all} ticks were replayed", result.ticks);
+        most = result.ticks;
+    }
+    // An environment of one tool refuses it; a device gives the readings of its own tool.
+    let error = replay(Recorded::open(&path).unwrap(), &mut Walled::new()).unwrap_err();
+    assert!(error.to_string().contains("2 haptic devices are given for what has one tool"), "{error}");
+    assert_eq!(crate::Replay::open(&path, 1).unwrap().ticks() as u64, TICKS);
+    assert!(
+        crate::Replay::open(&path, 2).is_err_and(|error| error.to_string().contains("those of number 3 are asked for"))
+    );
+
+    let found = |spoil: &dyn Fn(&mut Entry), words: &str| {
+        std::fs::remove_file(folder.path().join("both.palpate")).unwrap();
+        std::fs::remove_file(folder.path().join("session.palpate")).unwrap();
+        let found = replayed(&recorded_twice(folder.path(), spoil)).difference.expect("a difference must be found");
+        assert!(found.to_string().starts_with(words), "got {found}, must begin with {words}");
+    };
+    let played = tick(137, |tick| flip(&mut tick.played.force.y));
+    found(&played, "tick 137 of right differs first in played_force_y: ");
+    let held = step(9, |step| flip(&mut step.inputs[0].tool.position.x));
+    found(&held, "step 9 of right differs first in held_tool_x: ");
+}
+
 #[test]
 fn what_is_no_session_is_refused() {
     let lost = refusal(|entry| {
-        if let Entry::Tick(tick) = entry {
+        if let Entry::Tick(_, tick) = entry {
             tick.index += u64::from(tick.index > 60) * 2;
         }
     });
@@ -114,7 +207,7 @@ fn what_is_no_session_is_refused() {
     }
     for watchdog in [f64::NAN, -0.1] {
         let spoil = |entry: &mut Entry| {
-            if let Entry::Begin(begin) = entry {
+            if let Entry::Begin(_, begin) = entry {
                 begin.settings.limits.watchdog = watchdog;
             }
         };
@@ -123,9 +216,9 @@ fn what_is_no_session_is_refused() {
             "wrong error for a watchdog limit of {watchdog} s"
         );
     }
-    let past = refusal(step(8, |step| step.input.ticks = 3));
+    let past = refusal(step(8, |step| step.inputs[0].ticks = 3));
     assert!(past.contains("step 8 starts from tick 3"), "wrong error: {past}");
-    let beyond = refusal(step(27, |step| step.input.ticks = 10_000));
+    let beyond = refusal(step(27, |step| step.inputs[0].ticks = 10_000));
     assert!(
         beyond.contains("tick 485 uses the wrench of step 27") || beyond.contains("after the last"),
         "wrong error: {beyond}"
@@ -136,11 +229,11 @@ fn what_is_no_session_is_refused() {
 fn the_replay_device_says_what_was_said_and_then_rests() {
     let folder = tempfile::tempdir().unwrap();
     let path = recorded(folder.path(), |_| {});
-    let mut device = crate::Replay::open(&path).unwrap();
+    let mut device = crate::Replay::open(&path, 0).unwrap();
     assert_eq!(device.profile().name, "premium");
     let mut last = None;
     for entry in Recorded::open(&path).unwrap() {
-        let Entry::Tick(tick) = entry.unwrap() else { continue };
+        let Entry::Tick(_, tick) = entry.unwrap() else { continue };
         let (said, recorded) = (device.read(0.0), reading_of(&tick));
         assert_eq!(format!("{said:?}"), format!("{recorded:?}"));
         assert_eq!(said.is_ok(), tick.reading.is_some());

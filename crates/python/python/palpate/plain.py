@@ -33,7 +33,8 @@ Report: TypeAlias = tuple[
 probes, reactions (name, force, torque), and the work."""
 Tick: TypeAlias = tuple[float, ReadPose, ReadPose, list[float], list[float], list[float], float]
 """Time, poses of device and tool, force and torque played, contact force, and age of the newest wrench."""
-PlainSession: TypeAlias = tuple[int, int, float, float, str | None, list[str], str]
-"""Ticks, steps, pace, greatest force, why it ended early, notes, and all of it as JSON."""
+PlainSession: TypeAlias = tuple[str, int, int, float, float, str | None, list[str], str]
+"""Name of the tool where there are several, ticks, steps, pace, greatest force, why it ended early, notes, and all of it as
+JSON."""
 PlainContacts: TypeAlias = tuple[Indices, Indices, Floats, Floats, Floats, Floats, Floats, Floats]
 Answer: TypeAlias = tuple[Indices, Indices, Floats, Floats, Indices, Floats, Floats, int]

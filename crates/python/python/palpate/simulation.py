@@ -108,7 +108,7 @@ class StepReport:
 
 
 class Sample(NamedTuple):
-    """The haptic loop as it was at one of its ticks (iterations)."""
+    """The haptic loop as it was at one of its ticks (iterations), of several tools that of the first."""
 
     time: float
     """Time since the loop began, s."""
@@ -127,7 +127,7 @@ class Sample(NamedTuple):
 
 
 class Session(NamedTuple):
-    """What a run of the haptic loop was like."""
+    """What a run of the haptic loop was like: that of the first tool, which has those of others in ``further``."""
 
     ticks: int
     """Number of ticks (iterations of the loop)."""
@@ -143,6 +143,8 @@ class Session(NamedTuple):
     """What a user should know, a sentence each."""
     summary: dict[str, Any]
     """All of it with lateness, energy and events, as ``haptics`` in ``summary.json``; names have units."""
+    further: dict[str, "Session"]
+    """By name of the tool: the loops of the tools after the first that have a haptic device."""
 
 
 class Contacts(NamedTuple):
@@ -364,13 +366,16 @@ class Simulation:
     ) -> Session:
         """Let a haptic device hold the tool: run the haptic loop in real time, at the rate of the scene's ``[haptics]``.
 
+        Of several tools each to which the scene gives ``haptics`` has a device and a loop of its own.
+
         Loop and simulation run outside the interpreter, which cannot delay a force. Called on the main thread, Ctrl-C
         ends the loop and releases the device.
 
         Args:
             seconds: Duration, s.
             device: ``"scripted"`` (follows the scene's ``[drive]``), ``"hand"`` (a simulated hand), ``"haply"``,
-                ``"touch"``, ``"force-dimension"`` or ``"replay"``; ``None``: the scene's.
+                ``"touch"``, ``"force-dimension"`` or ``"replay"``; ``None``: the scene's. It is that of the first
+                tool.
             watch: Called on this thread with the newest :class:`Sample`. If it returns ``False``, the loop ends; if it
                 raises, too, and the error comes out of this call. It may not call the simulation.
             every: Time between two calls of ``watch``, s.
@@ -386,8 +391,11 @@ class Simulation:
             return None if watch is None else watch(_sample(tick))
 
         told = self._native.hold(seconds, device, every, None if watch is None else show)
-        ticks, steps, pace, peak_force, ended, notes, summary = told
-        return Session(ticks, steps, pace, peak_force, ended, notes, json.loads(summary))
+        further: dict[str, Session] = {}
+        for tool, ticks, steps, pace, peak_force, ended, notes, summary in told[1:]:
+            further[tool] = Session(ticks, steps, pace, peak_force, ended, notes, json.loads(summary), {})
+        _, ticks, steps, pace, peak_force, ended, notes, summary = told[0]
+        return Session(ticks, steps, pace, peak_force, ended, notes, json.loads(summary), further)
 
     @property
     def time(self) -> float:

@@ -16,7 +16,7 @@ use palpate::internal::haptics::event::Events;
 use palpate::internal::haptics::session::{self, Moment, Options};
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::Key;
-use palpate_devices::record::{Header, Recording};
+use palpate_devices::record::{Header, Leader, Recording};
 
 use super::snapshot::LoopState;
 use super::worker::{Next, Worker, no_tool};
@@ -74,6 +74,9 @@ impl Worker {
         let scene = self.simulation.scene().clone();
         let mut tool = self.simulation.tool().cloned().ok_or_else(|| no_tool(&scene))?;
         tool.coupling = scene.coupling;
+        if scene.held_tools() > 1 {
+            self.out.note("of several haptic devices the window holds the first; palpate run holds them all");
+        }
         if self.last_input.is_some() {
             // After a pause the tool starts at rest.
             (tool.velocity, tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
@@ -87,7 +90,9 @@ impl Worker {
         let device = make(&self.simulation, start)?;
         let recording = match &record {
             Some(file) => {
-                let header = Header::new(&scene, &self.simulation, device.profile().name, name);
+                let tool = scene.tool.as_ref().map_or(String::new(), |tool| tool.name.clone());
+                let leader = Leader { tool, profile: device.profile().name.into(), device: name.clone() };
+                let header = Header::new(&scene, &self.simulation, vec![leader]);
                 match header.and_then(|header| Recording::create(file, &header)) {
                     Ok(recording) => Some(recording),
                     Err(error) => {
@@ -116,7 +121,7 @@ impl Worker {
             match moment {
                 // If the receiver is gone, sending fails, which is ignored.
                 Moment::Note(note) => drop(notes.send(note.into())),
-                Moment::Tick(tick) => {
+                Moment::Tick(_, tick) => {
                     let mut heard = ears.borrow_mut();
                     let period = heard.period;
                     heard.lateness.add(tick.late, period);
@@ -126,9 +131,9 @@ impl Worker {
                 _ => {}
             }
             match (&mut recording, moment) {
-                (Some(recording), Moment::Begin(settings, tool)) => recording.begin(settings, tool)?,
-                (Some(recording), Moment::Tick(tick)) => recording.tick(tick)?,
-                (Some(recording), Moment::Step(input, h, wrench)) => recording.step(input, h, wrench)?,
+                (Some(recording), Moment::Begin(index, settings, tool)) => recording.begin(index, settings, tool)?,
+                (Some(recording), Moment::Tick(index, tick)) => recording.tick(index, tick)?,
+                (Some(recording), Moment::Step(inputs, h, wrenches)) => recording.step(inputs, h, wrenches)?,
                 _ => {}
             }
             // Commands are executed here, between two steps: the loop already has the wrench (force and torque) of the

@@ -250,13 +250,16 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
     );
 
     let recorded = palpate_devices::record::Recorded::open(&file).unwrap();
-    assert_eq!((recorded.header.profile.as_str(), recorded.header.haptic_device.as_str()), ("mouse", "mouse"));
+    assert_eq!(
+        (recorded.header.leaders[0].profile.as_str(), recorded.header.leaders[0].device.as_str()),
+        ("mouse", "mouse")
+    );
     let mut again = simulation(folder.path());
     let mut steps = 0;
     for entry in recorded {
         if let palpate_devices::record::Entry::Step(step) = entry.unwrap() {
-            again.step_device_input(&step.input, step.h).unwrap();
-            assert_eq!(again.contact_wrench(), Some(&step.wrench), "the replayed wrench of step {steps} differs");
+            again.step_device_inputs(&step.inputs, step.h).unwrap();
+            assert_eq!(again.contact_wrench(), Some(&step.wrenches[0]), "the replayed wrench of step {steps} differs");
             steps += 1;
         }
     }
