@@ -370,12 +370,12 @@ impl Session {
 
     /// The newest states of devices and tools, from which the next simulation step starts.
     fn newest(&mut self) -> Vec<DeviceInput> {
-        self.loops.iter_mut().map(|leader| leader.thread.newest()).collect()
+        self.loops.iter_mut().map(|one| one.thread.newest()).collect()
     }
 
     /// Passes to each loop its contact wrench.
     fn give(&mut self, wrenches: &[ContactWrench]) {
-        self.loops.iter_mut().zip(wrenches).for_each(|(leader, wrench)| leader.thread.give(*wrench));
+        self.loops.iter_mut().zip(wrenches).for_each(|(one, wrench)| one.thread.give(*wrench));
     }
 
     /// Simulates steps until the session ends. A step simulates as much time as computing a step takes, so that bodies
@@ -390,7 +390,7 @@ impl Session {
     ) -> Result<()> {
         let mut pace = Pace::new(options.shortest_step, longest_step, first.took);
         let mut simulated = 0.0;
-        let is_waiting = |leader: &mut Loop| leader.thread.newest().ticks == 0 && leader.thread.is_running();
+        let is_waiting = |one: &mut Loop| one.thread.newest().ticks == 0 && one.thread.is_running();
         while self.loops.iter_mut().any(is_waiting) && !options.stop.load(Ordering::Relaxed) {
             std::thread::sleep(Duration::from_secs_f64(self.loops[0].period));
         }
@@ -404,7 +404,7 @@ impl Session {
             environment.after()?;
             simulated += h;
             self.steps += 1;
-            self.loops.iter_mut().zip(&wrenches).for_each(|(leader, wrench)| leader.compare(wrench));
+            self.loops.iter_mut().zip(&wrenches).for_each(|(one, wrench)| one.compare(wrench));
             record(Moment::Step(&inputs, h, &wrenches))?;
             self.take_ticks(record)?;
             let now = self.now();
@@ -424,14 +424,14 @@ impl Session {
     /// Whether the session goes on. If it must end before its time is over, the reason is kept.
     fn goes_on(&mut self, options: &Options) -> bool {
         let now = self.now();
-        let loss = |leader: &Loop| leader.lost_since.map_or(0.0, |since| now - since);
+        let loss = |one: &Loop| one.lost_since.map_or(0.0, |since| now - since);
         let stopped = options.stop.load(Ordering::Relaxed);
-        let panicked = self.loops.iter().find(|leader| !leader.thread.is_running());
+        let panicked = self.loops.iter().find(|one| !one.thread.is_running());
         let lost = if self.loops.len() == 1 { "the device was" } else { "all devices were" };
         self.ended = match (stopped, panicked) {
             (true, _) => Some("it was stopped".into()),
-            (_, Some(leader)) => Some(format!("{}the loop's thread panicked", leader.prefix)),
-            _ if self.loops.iter().all(|leader| loss(leader) > LONGEST_LOSS) => {
+            (_, Some(one)) => Some(format!("{}the loop's thread panicked", one.prefix)),
+            _ if self.loops.iter().all(|one| loss(one) > LONGEST_LOSS) => {
                 Some(format!("{lost} lost for {LONGEST_LOSS} s"))
             }
             _ => None,
@@ -442,18 +442,18 @@ impl Session {
     /// The reports on all loops, which have ended.
     fn reports(self, mut bare: Option<Lateness>) -> Vec<Report> {
         let Session { loops, ended, steps, pace } = self;
-        let report = |mut leader: Loop| {
-            let lost = leader.thread.newest().ticks.saturating_sub(leader.report.lateness.ticks());
-            Report { bare: bare.take(), steps, pace, lost, ended: ended.clone(), ..leader.report }
+        let report = |mut one: Loop| {
+            let lost = one.thread.newest().ticks.saturating_sub(one.report.lateness.ticks());
+            Report { bare: bare.take(), steps, pace, lost, ended: ended.clone(), ..one.report }
         };
         loops.into_iter().map(report).collect()
     }
 
     fn take_ticks(&mut self, record: &mut impl FnMut(Moment) -> Result<()>) -> Result<()> {
-        for (index, leader) in self.loops.iter_mut().enumerate() {
-            let report = &mut leader.report;
-            for tick in leader.thread.ticks() {
-                report.lateness.add(tick.late, leader.period);
+        for (index, one) in self.loops.iter_mut().enumerate() {
+            let report = &mut one.report;
+            for tick in one.thread.ticks() {
+                report.lateness.add(tick.late, one.period);
                 report.events.add(tick.events);
                 report.energy = tick.energy;
                 report.peak_force = report.peak_force.max(tick.played.force.length());
@@ -462,7 +462,7 @@ impl Session {
                     report.staleness.add(tick.staleness);
                 }
                 let is_lost = tick.events.has(Event::DeviceLost);
-                leader.lost_since = if is_lost { leader.lost_since.or(Some(tick.time)) } else { None };
+                one.lost_since = if is_lost { one.lost_since.or(Some(tick.time)) } else { None };
                 record(Moment::Tick(index, &tick))?;
             }
         }
