@@ -68,7 +68,7 @@ fn lasting_tight_solves_are_the_references_and_loose_ones_are_not() {
 
 #[test]
 #[ignore = "long: 18 s"]
-fn shorter_steps_and_more_linearisations_are_more_accurate() {
+fn lasting_shorter_steps_and_more_linearisations_are_more_accurate() {
     let curve = measure("time-step", &tiny());
     let errors: Vec<f64> = curve.points.iter().map(|point| point.error().unwrap()).collect();
     assert!(errors.len() == 6 && errors[0] > 5.0 * errors[5], "errors, longest time step first: {errors:?}");
@@ -82,7 +82,7 @@ fn shorter_steps_and_more_linearisations_are_more_accurate() {
 
 #[test]
 #[ignore = "long: 16 s"]
-fn single_precision_loses_little_of_the_force_wherever_it_is() {
+fn lasting_single_precision_loses_little_of_the_force_wherever_it_is() {
     // With fewer steps a run would end before the sphere touches the block.
     let curve = measure("precision", &Settings { steps: 50, ..tiny() });
     assert!(curve.is_within() && curve.lines().len() == 2, "errors beyond bounds, or not 2 lines: {curve:?}");

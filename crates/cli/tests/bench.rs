@@ -198,7 +198,7 @@ fn lasting_a_tiny_run_answers_every_question_of_the_loop() {
 
 #[test]
 #[ignore = "long: 19 s"]
-fn a_tiny_run_answers_every_question_of_the_papers_scenes() {
+fn lasting_a_tiny_run_answers_every_question_of_the_papers_scenes() {
     let folder = tempfile::tempdir().unwrap();
     // Each of the paper's five scenes is replaced by the same small scene, under the name of the scene that it
     // replaces.
