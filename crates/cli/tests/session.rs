@@ -133,7 +133,8 @@ fn two_devices_are_held_recorded_and_replayed() {
     run("session.mcap");
     let bytes = fs::read(at("session.mcap")).unwrap();
     let topics = mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap().channel.topic.clone());
-    let topics: std::collections::BTreeSet<String> = topics.collect();
+    // Steps that a slow machine makes longer may raise flags.
+    let topics: std::collections::BTreeSet<String> = topics.filter(|topic| topic != "/flags").collect();
     let names = [
         "/aside/device",
         "/aside/step",
