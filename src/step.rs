@@ -230,13 +230,20 @@ impl Simulation {
         self.last_wrench.as_ref()
     }
 
+    /// The contact wrench of the last step on the first tool, which `input`, that of the step, led; without contact where
+    /// there is no tool.
+    #[doc(hidden)]
+    pub fn contact_wrench_of(&self, input: &DeviceInput) -> ContactWrench {
+        self.last_wrench.unwrap_or_else(|| ContactWrench::nothing_at(input))
+    }
+
     /// The contact wrenches of the last step on the tools that `inputs`, those of that step, led; without contact where
     /// there is no tool.
     #[doc(hidden)]
     pub fn contact_wrenches(&self, inputs: &[DeviceInput]) -> Vec<ContactWrench> {
         let wrenches = std::iter::once(self.last_wrench).chain(self.further_tools.iter().map(|tool| tool.wrench));
-        let nothing = |input: &DeviceInput| ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
-        inputs.iter().zip(wrenches).map(|(input, wrench)| wrench.unwrap_or_else(|| nothing(input))).collect()
+        let or_nothing = |(input, wrench): (_, Option<_>)| wrench.unwrap_or_else(|| ContactWrench::nothing_at(input));
+        inputs.iter().zip(wrenches).map(or_nothing).collect()
     }
 
     /// Simulates a step of the scene's `dt` that ends with the haptic device in this pose; the device moves there
@@ -573,17 +580,11 @@ impl Simulation {
         probes: Vec<DVec3>,
         begun: Instant,
     ) -> StepReport {
-        let vector = |x: [f32; 3]| DVec3::new(x[0].into(), x[1].into(), x[2].into());
         let touch = self.stages.touch.is_some();
         StepReport {
             step: self.step,
             time,
-            tool: self.tool.as_ref().map(|tool| ToolReport {
-                tool: Pose { position: tool.centre, orientation: tool.orientation },
-                device: Pose { position: device.position, orientation: device.orientation },
-                force: vector(report.tools[0].force),
-                torque: vector(report.tools[0].torque),
-            }),
+            tool: self.tool.as_ref().map(|tool| tools::tool_report(tool, device, &report.tools[0])),
             further_tools: (self.further_tools.iter().enumerate())
                 .map(|(index, tool)| tool.report(time, h, report, index))
                 .collect(),

@@ -36,8 +36,7 @@ pub trait Environment {
 impl Environment for Simulation {
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
         self.step_device_input(input, h)?;
-        let nothing = || ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
-        Ok(self.contact_wrench().copied().unwrap_or_else(nothing))
+        Ok(self.contact_wrench_of(input))
     }
 
     fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {

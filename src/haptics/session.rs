@@ -67,7 +67,7 @@ pub struct Report {
     pub notes: Vec<String>,
     /// How late the loop's ticks came.
     pub lateness: Lateness,
-    /// How late the baseline thread woke, if it ran.
+    /// How late the baseline thread woke, if it ran; of several devices the first one's report has it.
     pub bare: Option<Lateness>,
     /// The time by which the newest wrench was out of date, at every tick after the first wrench had arrived.
     pub staleness: Staleness,
@@ -163,7 +163,7 @@ pub fn hold(
 /// with every record, in order. However the session ends, the devices then exert no force and are closed. The result has
 /// a report for each device.
 pub fn hold_each(
-    leaders: Vec<Leader>,
+    mut leaders: Vec<Leader>,
     environment: &mut dyn Environment,
     options: &Options,
     mut record: impl FnMut(Moment) -> Result<()>,
@@ -172,8 +172,11 @@ pub fn hold_each(
         return Err(Error::Usage("a session needs a haptic device; give one".into()));
     }
     let longest_step = leaders.iter().map(|leader| leader.haptics.longest_step).fold(f64::INFINITY, f64::min);
-    let is_alone = leaders.len() == 1;
-    let mut prepared: Vec<Prepared> = leaders.into_iter().map(|leader| Prepared::new(leader, is_alone)).collect();
+    if let [alone] = &mut leaders[..] {
+        // Nobody has to be told which tool is meant.
+        alone.name.clear();
+    }
+    let mut prepared: Vec<Prepared> = leaders.into_iter().map(Prepared::new).collect();
     let first = first_steps(environment, &prepared, options.shortest_step)?;
     let mut servos = Vec::new();
     for (index, leader) in prepared.iter_mut().enumerate() {
@@ -185,25 +188,23 @@ pub fn hold_each(
         record(Moment::Step(inputs, options.shortest_step, wrenches))?;
     }
     let bare = options.bare_timer.then(|| BareTimer::start(servos[0].0.period));
-    let no_device = |prefix: &str, fault: Fault| Error::NoDevice(format!("{prefix}{fault}"));
+    let no_device = |tool: &str, fault: Fault| Error::NoDevice(format!("{}{fault}", before_notes(tool)));
     let mut opened = Vec::new();
-    for leader in prepared {
-        let device = Opened::new(leader.leader.device).map_err(|fault| no_device(&leader.prefix, fault))?;
-        let tool = if is_alone { String::new() } else { leader.leader.name };
-        opened.push((device, tool, leader.prefix, leader.profile.name, leader.notes));
+    for Prepared { leader, profile, notes, .. } in prepared {
+        let device = Opened::new(leader.device).map_err(|fault| no_device(&leader.name, fault))?;
+        opened.push((device, leader.name, profile.name, notes));
     }
     let begun = Instant::now();
     let mut session = Session { loops: Vec::new(), ended: None, steps: 0, pace: 1.0 };
-    for ((device, tool, prefix, profile, mut notes), (settings, servo)) in opened.into_iter().zip(servos) {
+    for ((device, tool, profile, mut notes), (settings, servo)) in opened.into_iter().zip(servos) {
         let thread = ServoThread::start(device, servo, options.stop.clone(), begun);
-        let thread = thread.map_err(|fault| no_device(&prefix, fault))?;
+        let thread = thread.map_err(|fault| no_device(&tool, fault))?;
         if let Err(reason) = &thread.priority {
-            notes.push(format!(
-                "{prefix}the loop has no elevated priority ({reason}): allow real-time scheduling for fewer late ticks"
-            ));
+            let why = format!("the loop has no elevated priority ({reason})");
+            notes.push(format!("{}{why}: allow real-time scheduling for fewer late ticks", before_notes(&tool)));
         }
         notes.iter().try_for_each(|note| record(Moment::Note(note)))?;
-        session.loops.push(Loop::new(thread, tool, prefix, profile, notes, &settings));
+        session.loops.push(Loop::new(thread, tool, profile, notes, &settings));
     }
     if let Some((_, wrenches)) = first.steps.last() {
         session.give(wrenches);
@@ -213,31 +214,36 @@ pub fn hold_each(
     let mut failed = None;
     for one in &mut session.loops {
         if !one.thread.stop() {
-            failed = failed.or(Some(one.prefix.clone()));
+            failed = failed.or(Some(one.report.tool.clone()));
         }
     }
     let taken = session.take_ticks(&mut record);
     let bare = bare.and_then(BareTimer::stop);
     ended.and(taken)?;
     match failed {
-        Some(of) => Err(Error::Simulation(format!("{of}the haptic loop's thread panicked; the device was released"))),
+        Some(tool) => {
+            let problem = "the haptic loop's thread panicked; the device was released";
+            Err(Error::Simulation(format!("{}{problem}", before_notes(&tool))))
+        }
         None => Ok(session.reports(bare)),
     }
+}
+
+/// What stands before a note on the tool of this name, which is empty where there is only one.
+fn before_notes(tool: &str) -> String {
+    if tool.is_empty() { String::new() } else { format!("{tool}: ") }
 }
 
 /// A leader before its loop begins.
 struct Prepared {
     leader: Leader,
-    /// What stands before the notes on this leader.
-    prefix: String,
     profile: Profile,
     limits: Limits,
     notes: Vec<String>,
 }
 
 impl Prepared {
-    fn new(leader: Leader, is_alone: bool) -> Prepared {
-        let prefix = if is_alone { String::new() } else { format!("{}: ", leader.name) };
+    fn new(leader: Leader) -> Prepared {
         let mut notes = leader.device.notes();
         let mut profile = leader.device.profile().clone();
         profile.resolution = leader.haptics.resolution.or(profile.resolution);
@@ -248,18 +254,18 @@ impl Prepared {
                 profile.name
             ));
         }
-        notes.iter_mut().for_each(|note| note.insert_str(0, &prefix));
-        Prepared { leader, prefix, profile, limits, notes }
+        notes.iter_mut().for_each(|note| note.insert_str(0, &before_notes(&leader.name)));
+        Prepared { leader, profile, limits, notes }
     }
 
     /// Settings of the loop and the tool with its coupling, where a wrench is out of date by `staleness`, s, at most.
     fn settings(&mut self, staleness: f64) -> (Settings, Tool) {
-        let Leader { tool, haptics, .. } = &self.leader;
+        let Leader { name, tool, haptics, .. } = &self.leader;
         let period = 1.0 / haptics.rate;
         let delay = if haptics.local_model { 0.0 } else { staleness };
         let inertia = (0..3).map(|k| tool.inertia.col(k)[k]).sum::<f64>() / 3.0;
         let gains = coupling::choose(&self.profile, period, delay, tool.mass, inertia, tool.coupling.as_ref());
-        self.notes.push(format!("{}{}", self.prefix, gains.reason));
+        self.notes.push(format!("{}{}", before_notes(name), gains.reason));
         let settings = Settings {
             period,
             limits: self.limits,
@@ -316,7 +322,6 @@ struct Session {
 /// The haptic loop of one device.
 struct Loop {
     thread: ServoThread,
-    prefix: String,
     report: Report,
     period: f64,
     prediction: Prediction,
@@ -324,14 +329,7 @@ struct Loop {
 }
 
 impl Loop {
-    fn new(
-        thread: ServoThread,
-        tool: String,
-        prefix: String,
-        profile: &'static str,
-        notes: Vec<String>,
-        settings: &Settings,
-    ) -> Loop {
+    fn new(thread: ServoThread, tool: String, profile: &'static str, notes: Vec<String>, settings: &Settings) -> Loop {
         let report = Report {
             tool,
             profile,
@@ -350,7 +348,7 @@ impl Loop {
             ended: None,
         };
         let prediction = Prediction::new(settings.arm);
-        Loop { thread, prefix, report, period: settings.period, prediction, lost_since: None }
+        Loop { thread, report, period: settings.period, prediction, lost_since: None }
     }
 
     /// Adds the predicted and the observed change of force from the previous wrench to this one.
@@ -430,7 +428,7 @@ impl Session {
         let lost = if self.loops.len() == 1 { "the device was" } else { "all devices were" };
         self.ended = match (stopped, panicked) {
             (true, _) => Some("it was stopped".into()),
-            (_, Some(one)) => Some(format!("{}the loop's thread panicked", one.prefix)),
+            (_, Some(one)) => Some(format!("{}the loop's thread panicked", before_notes(&one.report.tool))),
             _ if self.loops.iter().all(|one| loss(one) > LONGEST_LOSS) => {
                 Some(format!("{lost} lost for {LONGEST_LOSS} s"))
             }

@@ -94,6 +94,8 @@ pub use skeleton::{Bone, Skeleton};
 #[doc(hidden)]
 pub use support::Constraint;
 pub use support::Support;
+#[doc(hidden)]
+pub use tools::Leader;
 
 /// A whole scene.
 #[derive(Debug, Clone)]

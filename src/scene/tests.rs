@@ -493,8 +493,13 @@ fn several_tools_are_bodies_with_couplings_and_trajectories_of_their_own() {
     let hand = "haptics = { device = \"hand\", rate = 500 }";
     let scene = folder.load(&(both.clone() + &tool("last", "c", hand))).unwrap();
     assert_eq!((scene.haptics.has_device, scene.haptics.device, scene.held_tools()), (true, DeviceKind::Scripted, 3));
-    let rates: Vec<f64> = (0..3).map(|index| scene.leader(index).unwrap().1.rate).collect();
+    let rates: Vec<f64> = (0..3).map(|index| scene.leader(index).unwrap().haptics.rate).collect();
     assert_eq!((rates, scene.leader(3)), (vec![1000.0, 1000.0, 500.0], None));
+    let quick = hand.replace("rate = 500", "longest_step = 0.005");
+    assert_eq!(
+        [scene.longest_step(), folder.load(&(both.clone() + &tool("last", "c", &quick))).unwrap().longest_step()],
+        [0.02, 0.005]
+    );
     let own = folder.load(&(bodies.clone() + &tool("left", "b", hand) + &tool("right", "a", ""))).unwrap();
     assert_eq!((own.haptics.has_device, own.haptics.rate, own.held_tools()), (true, 500.0, 1));
     // A single tool takes the place of several.

@@ -56,17 +56,33 @@ pub(super) fn read(root: &Table, scene: &mut Scene) -> Result<()> {
     Ok(())
 }
 
+/// What a scene says of a haptic device that leads a tool.
+#[derive(Debug, PartialEq)]
+pub struct Leader<'a> {
+    /// Index of the tool.
+    pub index: usize,
+    /// Its name.
+    pub tool: &'a str,
+    /// Settings of the device and of its haptic loop.
+    pub haptics: Haptics,
+    /// Where the device goes that no user moves.
+    pub trajectory: &'a [Key],
+    /// The key of the settings, for messages.
+    pub key: String,
+}
+
 impl Scene {
-    /// For the tool of this index: its name, the settings of its haptic device, that device's trajectory, and what stands
-    /// before their keys in messages. `None`: there is no such tool. A tool after the first that names no device has the
-    /// default one.
-    pub fn leader(&self, index: usize) -> Option<(&str, Haptics, &[Key], String)> {
+    /// What the scene says of the haptic device that leads the tool of this index. `None`: there is no such tool. A tool
+    /// after the first that names no device has the default one.
+    #[doc(hidden)]
+    pub fn leader(&self, index: usize) -> Option<Leader<'_>> {
         if index == 0 {
-            return Some((&self.tool.as_ref()?.name, self.haptics.clone(), &self.trajectory, String::new()));
+            let (haptics, key) = (self.haptics.clone(), "haptics".into());
+            return Some(Leader { index, tool: &self.tool.as_ref()?.name, haptics, trajectory: &self.trajectory, key });
         }
-        let tool = self.further_tools.get(index - 1)?;
-        let haptics = tool.haptics.clone().unwrap_or_default();
-        Some((&tool.name, haptics, &tool.trajectory, format!("tool.{}.", tool.name)))
+        let FurtherTool { name, trajectory, haptics, .. } = self.further_tools.get(index - 1)?;
+        let key = format!("tool.{name}.haptics");
+        Some(Leader { index, tool: name, haptics: haptics.clone().unwrap_or_default(), trajectory, key })
     }
 
     /// Number of tools that haptic devices lead in a session: all up to the last one that has settings of a device.

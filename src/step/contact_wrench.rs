@@ -5,6 +5,7 @@ use glam::DVec3;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 
+use super::DeviceInput;
 use super::rigid::{RigidState, Wrench};
 
 /// Contacts count as pressing from one side where the magnitude of their net force is at least this fraction of the sum
@@ -92,6 +93,11 @@ impl ContactWrench {
             farther: [None; FARTHER],
             has_kinematic_motion: false,
         }
+    }
+
+    /// No contact in a step with this input.
+    pub fn nothing_at(input: &DeviceInput) -> ContactWrench {
+        ContactWrench { time: input.time, ..ContactWrench::none(input.tool) }
     }
 
     /// Contact stiffness as a matrix.

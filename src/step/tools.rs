@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::frames::Frames;
 use crate::prepare::{Body, Shape};
 use crate::scene::{self, Coupling, Key, Scene};
-use crate::shaders::{HeldCore, Report};
+use crate::shaders::{HeldCore, Report, ToolWrench};
 use crate::stages::model::Model;
 use crate::step::tool::Tool;
 use crate::step::trajectory::Trajectory;
@@ -110,15 +110,22 @@ impl HeldTool {
     /// The tool at the end of a step of `h` seconds that ended at `time`, s, with the forces that the GPU reports for the
     /// tool of this index among the further ones.
     pub fn report(&self, time: f64, h: f64, report: &Report, index: usize) -> ToolReport {
-        let device = self.trajectory.device(time, h);
-        let force = &report.tools[index + 1];
-        ToolReport {
-            tool: Pose { position: self.tool.centre, orientation: self.tool.orientation },
-            device: Pose { position: device.position, orientation: device.orientation },
-            force: DVec3::from(force.force.map(f64::from)),
-            torque: DVec3::from(force.torque.map(f64::from)),
-        }
+        tool_report(&self.tool, &self.trajectory.device(time, h), &report.tools[index + 1])
     }
+}
+
+/// The tool at the end of a step, with the state of its haptic device and with what the GPU reports for it.
+pub(super) fn tool_report(tool: &Tool, device: &RigidState, felt: &ToolWrench) -> ToolReport {
+    ToolReport {
+        tool: Pose { position: tool.centre, orientation: tool.orientation },
+        device: Pose { position: device.position, orientation: device.orientation },
+        force: vector(felt.force),
+        torque: vector(felt.torque),
+    }
+}
+
+fn vector(x: [f32; 3]) -> DVec3 {
+    DVec3::from(x.map(f64::from))
 }
 
 /// What the solver reads of a held core in a step of `h` seconds: the rows of its virtual coupling to the haptic device,
@@ -203,7 +210,6 @@ pub(super) fn follow(tool: &mut Tool, frames: &Frames, frame: usize) {
 /// The contact wrench (force and torque) on the tool of this index, as the GPU reports it after a step.
 pub(super) fn contact_wrench(tool: &Tool, index: usize, step: u64, report: &Report, friction: f64) -> ContactWrench {
     let felt = &report.tools[index];
-    let vector = |x: [f32; 3]| DVec3::from(x.map(f64::from));
     // No forces were applied in a frozen step: every attempt at it failed, and the bodies were stopped where they are.
     let is_frozen = Flags(report.flags).contains(Flags::FROZEN);
     let matrix = |upper: &[f32; 21]| if is_frozen { [[0.0; 6]; 6] } else { symmetric(upper) };

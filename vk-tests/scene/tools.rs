@@ -5,6 +5,7 @@
 use glam::{DQuat, DVec3};
 use palpate::internal::stages::PAIR_PATCHES;
 use palpate::internal::step::{DeviceInput, RigidState};
+use palpate::scene::Material;
 use palpate::{Flags, Options, Pose, Simulation, StepReport, StepWork};
 
 use crate::invariant::friction::{beside, device_momentum};
@@ -180,9 +181,24 @@ fn haptic_loops_lead_each_of_several_tools() {
         simulation.step_device_input(&input, 1e-3).unwrap();
         assert_eq!(coupling(&simulation), scene.further_tools[0].coupling);
         assert_eq!(simulation.contact_wrenches(&[input; 2])[1].step, 0);
-        simulation.step_device_inputs(&[input; 2], 1e-3).unwrap();
-        simulation.couple(scene.coupling);
-        assert_eq!(coupling(&simulation), scene.further_tools[0].coupling);
+        let state = simulation.save().unwrap();
+        let leave: [&dyn Fn(&mut Simulation); 3] = [
+            &|simulation| simulation.couple(scene.coupling),
+            &|simulation| drop(simulation.step().unwrap()),
+            &|simulation| simulation.restore(&state).unwrap(),
+        ];
+        for leave in leave {
+            simulation.step_device_inputs(&[input; 2], 1e-3).unwrap();
+            assert_eq!(coupling(&simulation), None);
+            leave(&mut simulation);
+            assert_eq!(coupling(&simulation), scene.further_tools[0].coupling);
+        }
+        // A tool has the mass of its core's nodes, also when the density changes.
+        let mass = |simulation: &Simulation| simulation.tools().nth(1).unwrap().mass;
+        let body = scene.bodies.iter().position(|body| body.name == scene.further_tools[0].body).unwrap();
+        let (before, material) = (mass(&simulation), simulation.materials(body)[0]);
+        simulation.set_material(body, 0, Material { density: 2.0 * material.density, ..material }).unwrap();
+        assert!((mass(&simulation) / before - 2.0).abs() < 1e-6);
         last
     };
     let one = wrenches(left.clone() + &right, WAYS);

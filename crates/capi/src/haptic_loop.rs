@@ -75,8 +75,7 @@ impl Environment for Felt<'_> {
         let newest = Newest::new(wrench_of(&self.object.last), begun);
         self.steps.note(newest);
         self.told.note(newest);
-        let nothing = || ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
-        Ok(self.object.simulation.contact_wrench().copied().unwrap_or_else(nothing))
+        Ok(self.object.simulation.contact_wrench_of(input))
     }
 }
 
@@ -152,8 +151,8 @@ fn of(the_loop: *mut palpate_loop) -> Outcome<Arc<Loop>> {
 }
 
 /// Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
-/// which must have a tool (of several the first is led), steps in real time, each step with the device's newest pose. Both happen on threads of the
-/// loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
+/// which must have a tool (of several the first is led), steps in real time, each step with the device's newest pose.
+/// Both happen on threads of the loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
 /// `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the device to open;
 /// PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
 /// to null if no loop starts.

@@ -1264,8 +1264,8 @@ palpate_status palpate_contacts(struct palpate_simulation *simulation,
                                 size_t *count);
 
 // Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
-// which must have a tool (of several the first is led), steps in real time, each step with the device's newest pose. Both happen on threads of the
-// loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
+// which must have a tool (of several the first is led), steps in real time, each step with the device's newest pose.
+// Both happen on threads of the loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
 // `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the device to open;
 // PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
 // to null if no loop starts.

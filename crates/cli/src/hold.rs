@@ -13,7 +13,7 @@ use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
-use palpate::scene::{DeviceKind, Haptics, Key, Profile};
+use palpate::scene::{DeviceKind, Haptics, Key, Leader, Profile};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
 use palpate_devices::record::{self, Header, Outcome, Recording};
 use palpate_devices::{ForceDimension, Hand, Haply, Replay, Scripted, SpaceMouse, Touch, haply, vendor};
@@ -59,33 +59,33 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
 
 /// Makes the haptic device that a scene asks for, of several the first; the device begins at the pose `start`.
 pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
-    device_of(scene, 0, start)
+    device_of(scene, &leader_of(scene, 0)?, start)
 }
 
-/// What [`Scene::leader`] tells of the tool of this index, which must be there.
-fn leader_of(scene: &Scene, index: usize) -> Result<(&str, Haptics, &[Key], String)> {
+/// What the scene says of the device that leads the tool of this index, which must be there.
+fn leader_of(scene: &Scene, index: usize) -> Result<Leader<'_>> {
     let missing = || Error::Usage("the scene has no tool for the haptic device; add a [tool]".into());
     scene.leader(index).ok_or_else(missing)
 }
 
-/// Makes the haptic device that leads the tool of this index; it begins at the pose `start`.
-fn device_of(scene: &Scene, index: usize, start: Key) -> Result<Box<dyn Device>> {
-    let (_, haptics, keys, before) = leader_of(scene, index)?;
-    let trajectory = Trajectory::new(keys, start);
+/// Makes a haptic device of a scene; it begins at the pose `start`.
+fn device_of(scene: &Scene, leader: &Leader, start: Key) -> Result<Box<dyn Device>> {
+    let haptics = &leader.haptics;
+    let trajectory = Trajectory::new(leader.trajectory, start);
     let wrong = |key: &str, problem: &str, remedy: &str| {
-        Error::key(&scene.file, format!("{before}haptics.{key}"), problem, remedy)
+        Error::key(&scene.file, format!("{}.{key}", leader.key), problem, remedy)
     };
     Ok(match haptics.device {
         DeviceKind::Scripted => {
-            Box::new(Scripted::new(trajectory, profile_of(&haptics, "scripted"), 1.0 / haptics.rate))
+            Box::new(Scripted::new(trajectory, profile_of(haptics, "scripted"), 1.0 / haptics.rate))
         }
         DeviceKind::Hand => {
-            let hand = Hand::new(haptics.hand, trajectory, profile_of(&haptics, "premium"));
+            let hand = Hand::new(haptics.hand, trajectory, profile_of(haptics, "premium"));
             Box::new(hand.map_err(|problem| wrong("hand", &problem, "correct it"))?)
         }
         DeviceKind::Replay => {
             let missing = || wrong("recording", "is missing", "give the recording to play");
-            Box::new(Replay::open(haptics.recording.as_ref().ok_or_else(missing)?, index)?)
+            Box::new(Replay::open(haptics.recording.as_ref().ok_or_else(missing)?, leader.index)?)
         }
         DeviceKind::Haply => {
             let settings = haply::Settings {
@@ -101,12 +101,12 @@ fn device_of(scene: &Scene, index: usize, start: Key) -> Result<Box<dyn Device>>
             Box::new(haply)
         }
         DeviceKind::Touch => {
-            let mut touch = Touch::new(vendor_settings(&haptics, start));
+            let mut touch = Touch::new(vendor_settings(haptics, start));
             touch.identify().map_err(no_device)?;
             Box::new(touch)
         }
         DeviceKind::ForceDimension => {
-            let mut device = ForceDimension::new(vendor_settings(&haptics, start));
+            let mut device = ForceDimension::new(vendor_settings(haptics, start));
             device.identify().map_err(no_device)?;
             Box::new(device)
         }
@@ -159,7 +159,7 @@ impl Environment for Watched<'_> {
     }
 }
 
-/// Gathers the force of a device played (commanded to the device), N, over the time since the loop's first tick (iteration), s.
+/// Gathers the force played (commanded to a device), N, over the time since its loop's first tick (iteration), s.
 #[derive(Default)]
 pub struct Played {
     begin: Option<f64>,
@@ -239,24 +239,24 @@ pub fn hold(
 
 /// Makes the haptic devices that a scene asks for, each with the tool of its simulation that it leads.
 pub fn leaders(simulation: &Simulation, scene: &Scene) -> Result<Vec<session::Leader>> {
-    let settings: Vec<_> = (0..scene.held_tools()).map(|index| leader_of(scene, index)).collect::<Result<_>>()?;
-    for (index, (_, haptics, _, before)) in settings.iter().enumerate() {
-        if let Some((other, ..)) = settings[..index].iter().find(|(_, other, ..)| !are_apart(other, haptics)) {
-            let remedy = match haptics.device {
+    let described: Vec<_> = (0..scene.held_tools()).map(|index| leader_of(scene, index)).collect::<Result<_>>()?;
+    for (index, leader) in described.iter().enumerate() {
+        if let Some(other) = described[..index].iter().find(|other| !are_apart(&other.haptics, &leader.haptics)) {
+            let remedy = match leader.haptics.device {
                 DeviceKind::Touch | DeviceKind::ForceDimension => "give one of them another kind of device",
                 DeviceKind::Haply => "give each a `device_id` of its own in `haply`",
                 _ => "give each a `unit` of its own",
             };
-            let problem = format!("may be the device of {other}");
-            return Err(Error::key(&scene.file, format!("{before}haptics.device"), problem, remedy));
+            let problem = format!("may be the device of {}", other.tool);
+            return Err(Error::key(&scene.file, format!("{}.device", leader.key), problem, remedy));
         }
     }
-    let leader = |(index, ((name, haptics, ..), tool)): (usize, ((&str, Haptics, _, _), &Tool))| {
+    let make = |(leader, tool): (Leader, &Tool)| {
         let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
-        let device = device_of(scene, index, start)?;
-        Ok(session::Leader { name: name.into(), device, tool: tool.clone(), haptics })
+        let device = device_of(scene, &leader, start)?;
+        Ok(session::Leader { name: leader.tool.into(), device, tool: tool.clone(), haptics: leader.haptics })
     };
-    settings.into_iter().zip(simulation.tools()).enumerate().map(leader).collect()
+    described.into_iter().zip(simulation.tools()).map(make).collect()
 }
 
 /// Whether two settings are of different devices, which can be held at the same time. The drivers of Touch and Force

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use palpate::internal::gpu::Arrays;
 use palpate::internal::haptics::session::Report;
 use palpate::scene::profile::PROFILES;
-use palpate::scene::{DepthPath, DeviceKind, obj, vtk};
+use palpate::scene::{DepthPath, DeviceKind, Leader, obj, vtk};
 use palpate::{Error, Flags, Options, Result, Scene, Simulation, StepReport, Threads};
 use palpate_devices::Replay;
 
@@ -165,8 +165,8 @@ fn seconds_of(arguments: &Arguments, scene: &Scene) -> Result<f64> {
     if let Some(seconds) = arguments.seconds {
         return Ok(seconds);
     }
-    let mut leaders = (0..scene.held_tools()).filter_map(|index| Some((index, scene.leader(index)?.1)));
-    leaders.try_fold(0.0, |longest: f64, (index, haptics)| {
+    let mut leaders = (0..scene.held_tools()).filter_map(|index| scene.leader(index));
+    leaders.try_fold(0.0, |longest: f64, Leader { index, haptics, .. }| {
         let seconds = match (haptics.device, &haptics.recording) {
             (device, _) if device.is_real() => f64::INFINITY,
             (DeviceKind::Replay, Some(recording)) => Replay::open(recording, index)?.ticks() as f64 / haptics.rate,

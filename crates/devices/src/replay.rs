@@ -63,11 +63,15 @@ impl fmt::Display for Place {
     }
 }
 
+/// Words that say of which tool a tick or step is told, where there are several.
+fn of_tool(tool: &str) -> String {
+    if tool.is_empty() { String::new() } else { format!(" of {tool}") }
+}
+
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let Difference { place, tool, field, recorded, replayed } = self;
-        let of = if tool.is_empty() { String::new() } else { format!(" of {tool}") };
-        write!(f, "{place}{of} differs first in {field}: {recorded} recorded, {replayed} replayed")
+        write!(f, "{place}{} differs first in {field}: {recorded} recorded, {replayed} replayed", of_tool(tool))
     }
 }
 
@@ -240,7 +244,7 @@ impl Replay<'_> {
     /// before that wrench's step.
     fn offered(&mut self, tick: &Tick, index: usize) -> Result<Option<ContactWrench>> {
         let Loop { tool, servo, wrenches, ticks } = &mut self.loops[index];
-        let of = if tool.is_empty() { String::new() } else { format!(" of {tool}") };
+        let of = of_tool(tool);
         if tick.index != *ticks {
             let problem = format!("ticks {ticks} to {}{of} were lost in the recording", tick.index - 1);
             return Err(self.source.wrong(problem));

@@ -58,8 +58,7 @@ impl Environment for Felt<'_, '_> {
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
         let mut worker = self.worker.borrow_mut();
         let row = worker.in_turn(|simulation| simulation.step_device_input(input, h))?;
-        let nothing = || ContactWrench { time: input.time, ..ContactWrench::none(input.tool) };
-        let wrench = worker.simulation.contact_wrench().copied().unwrap_or_else(nothing);
+        let wrench = worker.simulation.contact_wrench_of(input);
         worker.last_input = Some(*input);
         worker.set_loop(Some(self.heard.borrow_mut().taken()));
         worker.found(&row)?;
