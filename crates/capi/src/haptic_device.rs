@@ -57,11 +57,11 @@ pub struct palpate_play {
     pub torque: [f64; 3],
 }
 
-/// A haptic device made of the caller's callbacks. The callbacks run on threads of the loop, never two at a time. They
-/// return 0 on success; any other value means that the device is lost for now: nothing is played, and the device is
-/// tried again at the next tick. A device that is lost for 5 s ends the loop. No callback may wait for longer than a
-/// small part of a tick, or let an exception or a longjmp out. `palpate_loop_stop` and `palpate_loop_destroy` called
-/// from within a callback only ask the loop to end.
+/// A haptic device made of the caller's callbacks. The callbacks run on threads of the loop, never two of one device at
+/// a time; those of several devices do. They return 0 on success; any other value means that the device is lost for now:
+/// nothing is played, and the device is tried again at the next tick. The loop ends when its device, of several all of
+/// them, is lost for 5 s. No callback may wait for longer than a small part of a tick, or let an exception or a longjmp
+/// out. `palpate_loop_stop` and `palpate_loop_destroy` called from within a callback only ask the loop to end.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_haptic_device {
@@ -129,33 +129,32 @@ pub(super) struct Callbacks {
 unsafe impl Send for Callbacks {}
 
 impl Callbacks {
-    /// Checks the caller's struct `device`. The profile of the scene's settings `haptics` is taken where the struct
-    /// names none.
+    /// Checks the caller's struct `calls`, which messages call `name`. The profile of the scene's settings `haptics` is
+    /// taken where the struct names none.
     ///
     /// # Safety
-    /// The conditions of the header for a `palpate_haptic_device` hold for `device`.
-    pub unsafe fn new(device: *const palpate_haptic_device, haptics: &Haptics) -> Outcome<Callbacks> {
-        let null = |name: &str| Failure::new(palpate_status::Null, format!("{name} is null, but it is required"));
-        if device.is_null() {
-            return Err(null("device"));
-        }
-        // SAFETY: the caller keeps the conditions under `# Safety`.
-        let calls = unsafe { sized::read(device)? };
+    /// The conditions of the header for a `palpate_haptic_device` hold for `calls`.
+    pub unsafe fn new(calls: palpate_haptic_device, name: &str, haptics: &Haptics) -> Outcome<Callbacks> {
+        let null =
+            |what: &str| Failure::new(palpate_status::Null, format!("{name}.{what} is null, but it is required"));
         if calls.reserved != 0 {
-            let problem = format!("palpate_haptic_device.reserved is {}; set it to 0", calls.reserved);
+            let problem = format!("{name}.reserved is {}; set it to 0", calls.reserved);
             return Err(Failure::new(palpate_status::Argument, problem));
         }
-        let read = calls.read.ok_or_else(|| null("device.read"))?;
-        let write = calls.write.ok_or_else(|| null("device.write"))?;
+        let read = calls.read.ok_or_else(|| null("read"))?;
+        let write = calls.write.ok_or_else(|| null("write"))?;
         let names = || PROFILES.map(|profile| profile.name).join(", ");
         let wrong = |what: String| Failure::new(palpate_status::Argument, format!("{what}; give one of {}", names()));
         let profile = match (calls.profile.is_null(), haptics.profile) {
             (true, Some(profile)) => profile,
-            (true, None) => return Err(wrong("device.profile is null, and the scene has no haptics.profile".into())),
+            (true, None) => {
+                return Err(wrong(format!("{name}.profile is null, and the scene has no haptics.profile")));
+            }
             (false, _) => {
+                let key = format!("{name}.profile");
                 // SAFETY: the caller keeps the conditions under `# Safety`.
-                let name = unsafe { sized::string(calls.profile, "device.profile")? };
-                Profile::named(name).ok_or_else(|| wrong(format!("device.profile is `{name}`")))?
+                let profile = unsafe { sized::string(calls.profile, &key)? };
+                Profile::named(profile).ok_or_else(|| wrong(format!("{key} is `{profile}`")))?
             }
         };
         let profile = Profile { resolution: haptics.resolution.or(profile.resolution), ..profile.clone() };

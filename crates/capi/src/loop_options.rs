@@ -26,7 +26,7 @@ pub struct palpate_loop_options {
     pub reserved: u32,
     /// Rate of the loop in ticks (iterations) per second, from 50 to 4000.
     pub rate: f64,
-    /// Duration of the loop, s; 0: the loop runs until it is stopped.
+    /// Duration of the loop, s, of several devices the shortest given; 0: the loop runs until it is stopped.
     pub seconds: f64,
     /// Greatest force that is played, N. This field and the next four can only lower the limits in the profile of the
     /// haptic device (the limits of its model); if a value is higher than the profile's limit, the profile's limit
@@ -44,7 +44,7 @@ pub struct palpate_loop_options {
     pub watchdog: f64,
     /// Longest time step of the simulation, s. From the scene's `dt` up to this value, the loop chooses the shortest
     /// time step that takes no longer to compute than it lasts. If even a step of this length takes longer to compute,
-    /// the loop uses this length, and bodies move slower than in real time.
+    /// the loop uses this length, and bodies move slower than in real time. Of several devices the shortest holds.
     pub longest_step: f64,
 }
 
@@ -86,20 +86,21 @@ unsafe impl Sized32 for palpate_loop_options {
 }
 
 /// Returns a copy of the scene's `[haptics]` in which the values that the options set replace those of the scene.
-pub(super) fn chosen(options: &palpate_loop_options, scene: &Haptics) -> Outcome<Haptics> {
-    let wrong = |what: String| Failure::new(palpate_status::Argument, format!("options.{what}"));
+/// Messages call the options `name`.
+pub(super) fn chosen(options: &palpate_loop_options, name: &str, scene: &Haptics) -> Outcome<Haptics> {
+    let wrong = |what: String| Failure::new(palpate_status::Argument, format!("{name}.{what}"));
     if options.reserved != 0 {
         return Err(wrong(format!("reserved is {}; set it to 0", options.reserved)));
     }
-    let number = |name: &str, given: f64| match given.is_finite() && given >= 0.0 {
+    let number = |key: &str, given: f64| match given.is_finite() && given >= 0.0 {
         true => Ok((given > 0.0).then_some(given)),
-        false => Err(wrong(format!("{name} is {given}; give more than 0, or 0 for the default"))),
+        false => Err(wrong(format!("{key} is {given}; give more than 0, or 0 for the default"))),
     };
-    let truth = |name: &str, given: i32, scene: bool| match given {
+    let truth = |key: &str, given: i32, scene: bool| match given {
         0 => Ok(scene),
         1 => Ok(true),
         -1 => Ok(false),
-        _ => Err(wrong(format!("{name} is {given}; give 1, -1, or 0 for the scene's value"))),
+        _ => Err(wrong(format!("{key} is {given}; give 1, -1, or 0 for the scene's value"))),
     };
     number("seconds", options.seconds)?;
     let mut haptics = scene.clone();
@@ -131,9 +132,9 @@ mod tests {
         let unset = palpate_loop_options::unset();
         let mut scene = Haptics { passivity: false, rate: 500.0, ..Haptics::default() };
         scene.limits.force = Some(2.0);
-        assert_eq!(chosen(&unset, &scene).unwrap(), scene);
+        assert_eq!(chosen(&unset, "options", &scene).unwrap(), scene);
         let other = palpate_loop_options { passivity: 1, local_model: -1, rate: 2000.0, max_force: 1.0, ..unset };
-        let told = chosen(&other, &scene).unwrap();
+        let told = chosen(&other, "options", &scene).unwrap();
         assert_eq!((told.passivity, told.local_model, told.rate), (true, false, 2000.0));
         assert_eq!((told.limits.force, told.limits.torque), (Some(1.0), None));
         let bad = [
@@ -145,7 +146,7 @@ mod tests {
             ("reserved", palpate_loop_options { reserved: 1, ..unset }),
         ];
         for (name, options) in bad {
-            let refused = chosen(&options, &scene).unwrap_err();
+            let refused = chosen(&options, "options", &scene).unwrap_err();
             assert!(
                 refused.message.starts_with(&format!("options.{name} is ")),
                 "the error does not begin with `options.{name} is`: {}",
@@ -160,9 +161,12 @@ mod tests {
         assert_eq!(size_of::<palpate_loop_options>(), palpate_loop_options::LEAST + size_of::<f64>());
         let set = palpate_loop_options { longest_step: 0.01, ..palpate_loop_options::unset() };
         let haptics = Haptics::default();
-        assert_eq!(chosen(&set, &haptics).unwrap().longest_step, 0.01);
-        assert_eq!(chosen(&palpate_loop_options::unset(), &haptics).unwrap().longest_step, haptics.longest_step);
+        assert_eq!(chosen(&set, "options", &haptics).unwrap().longest_step, 0.01);
+        assert_eq!(
+            chosen(&palpate_loop_options::unset(), "options", &haptics).unwrap().longest_step,
+            haptics.longest_step
+        );
         let wrong = palpate_loop_options { longest_step: f64::NAN, ..set };
-        assert!(chosen(&wrong, &haptics).err().unwrap().message.contains("options.longest_step is NaN"));
+        assert!(chosen(&wrong, "options", &haptics).err().unwrap().message.contains("options.longest_step is NaN"));
     }
 }

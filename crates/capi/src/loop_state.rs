@@ -64,7 +64,7 @@ pub const PALPATE_EVENT_UNPAID: u32 = 65536;
 /// are rare, because each update searches a whole histogram.
 const QUANTILE_EVERY: u64 = 1000;
 
-/// State of a haptic loop. It is updated after each step of the simulation, so its values about ticks are at most one
+/// State of a haptic loop; where several devices lead tools, that of one of them. It is updated after each step of the simulation, so its values about ticks are at most one
 /// step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
 /// orientations of the poses, which are the identity.
 #[repr(C)]
@@ -195,97 +195,32 @@ pub(super) struct Told {
 }
 
 pub(super) struct Facts {
-    pub state: palpate_loop_state,
-    pub newest: Newest,
+    /// The tools that devices lead, in the scene's order.
+    pub led: Vec<Led>,
     pub notes: Vec<String>,
     /// Why the loop ended; empty while the loop runs.
     pub ended: String,
     pub failure: Option<Failure>,
-    lateness: Lateness,
-    /// Time from the deadline of one tick to that of the next, s.
-    period: f64,
-    /// Whether the haptic device has been opened.
+    is_running: bool,
+    /// Whether the haptic devices have been opened.
     has_begun: bool,
 }
 
-impl Told {
-    /// Makes the state of a loop that has not begun. `period`: time from the deadline of one tick to that of the next,
-    /// s.
-    pub fn new(period: f64) -> Told {
-        let facts = Facts {
-            state: palpate_loop_state::unset(),
-            newest: Newest::NONE,
-            notes: Vec::new(),
-            ended: String::new(),
-            failure: None,
-            lateness: Lateness::new(),
-            period,
-            has_begun: false,
-        };
-        Told { told: Mutex::new(facts), changed: Condvar::new() }
-    }
-
-    /// Locks the state. Release the lock soon, because the loop's thread waits for it.
-    pub fn lock(&self) -> MutexGuard<'_, Facts> {
-        // A panic cannot leave the state half-changed: the state is consistent between any two statements under the
-        // lock.
-        self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
-    }
-
-    /// Updates the state by a report of the running loop, which is a session of the engine: its beginning, a step, a
-    /// tick or a note.
-    pub fn hear(&self, moment: Moment) {
-        let mut facts = self.lock();
-        match moment {
-            Moment::Begin(..) => {}
-            Moment::Step(..) => facts.state.steps += 1,
-            Moment::Tick(_, tick) => facts.tick(tick),
-            Moment::Note(note) => {
-                facts.notes.push(note.into());
-                facts.state.notes = facts.notes.len() as u32;
-                // The session reports its first note after it has opened the haptic device.
-                facts.has_begun = true;
-                self.changed.notify_all();
-            }
-        }
-    }
-
-    /// Stores the wrench of the newest step.
-    pub fn note(&self, newest: Newest) {
-        self.lock().newest = newest;
-    }
-
-    /// Records how the loop ended, and wakes the threads that wait for the loop to begin (`wait_for_begin`).
-    pub fn end(&self, came: Outcome<Report>) {
-        let mut facts = self.lock();
-        facts.state.is_running = 0;
-        facts.state.late_p99 = facts.lateness.quantile(0.99);
-        match came {
-            Ok(report) => facts.ended = report.ended.unwrap_or_else(|| "its duration is over".into()),
-            Err(failure) => {
-                facts.state.status = failure.status;
-                facts.ended = failure.message.clone();
-                facts.failure = Some(failure);
-            }
-        }
-        self.changed.notify_all();
-    }
-
-    /// Waits until the haptic device is open or the loop has ended. Errors: why the loop failed before the device was
-    /// open.
-    pub fn wait_for_begin(&self) -> Outcome {
-        let mut facts = self.lock();
-        while !facts.has_begun && facts.state.is_running == 1 {
-            facts = self.changed.wait(facts).unwrap_or_else(|poisoned| poisoned.into_inner());
-        }
-        match (&facts.failure, facts.has_begun) {
-            (Some(failure), false) => Err(failure.clone()),
-            _ => Ok(()),
-        }
-    }
+/// What is told of a tool that a device leads.
+pub(super) struct Led {
+    pub state: palpate_loop_state,
+    pub newest: Newest,
+    lateness: Lateness,
+    /// Time from the deadline of one tick to that of the next, s.
+    period: f64,
 }
 
-impl Facts {
+impl Led {
+    fn new(period: f64) -> Led {
+        let lateness = Lateness::new();
+        Led { state: palpate_loop_state::unset(), newest: Newest::NONE, lateness, period }
+    }
+
     fn tick(&mut self, tick: &Tick) {
         let pose = |state: &RigidState| palpate_pose {
             position: state.position.to_array(),
@@ -306,6 +241,95 @@ impl Facts {
         (state.missed, state.late_worst) = (self.lateness.missed(), self.lateness.worst());
         if self.lateness.ticks().is_multiple_of(QUANTILE_EVERY) {
             state.late_p99 = self.lateness.quantile(0.99);
+        }
+    }
+}
+
+impl Facts {
+    /// The state of every tool.
+    fn states(&mut self) -> impl Iterator<Item = &mut palpate_loop_state> {
+        self.led.iter_mut().map(|led| &mut led.state)
+    }
+}
+
+impl Told {
+    /// Makes the state of a loop that has not begun. `periods`: for each device the time from the deadline of one of its
+    /// ticks to that of the next, s.
+    pub fn new(periods: impl Iterator<Item = f64>) -> Told {
+        let facts = Facts {
+            led: periods.map(Led::new).collect(),
+            notes: Vec::new(),
+            ended: String::new(),
+            failure: None,
+            is_running: true,
+            has_begun: false,
+        };
+        Told { told: Mutex::new(facts), changed: Condvar::new() }
+    }
+
+    /// Locks the state. Release the lock soon, because the loop's thread waits for it.
+    pub fn lock(&self) -> MutexGuard<'_, Facts> {
+        // A panic cannot leave the state half-changed: the state is consistent between any two statements under the
+        // lock.
+        self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    /// Updates the state by a report of the running loop, which is a session of the engine: its beginning, a step, a
+    /// tick or a note.
+    pub fn hear(&self, moment: Moment) {
+        let mut facts = self.lock();
+        match moment {
+            Moment::Begin(..) => {}
+            Moment::Step(..) => facts.states().for_each(|state| state.steps += 1),
+            Moment::Tick(index, tick) => facts.led[index].tick(tick),
+            Moment::Note(note) => {
+                facts.notes.push(note.into());
+                let count = facts.notes.len() as u32;
+                facts.states().for_each(|state| state.notes = count);
+                // The session reports its first note after it has opened the haptic devices.
+                facts.has_begun = true;
+                self.changed.notify_all();
+            }
+        }
+    }
+
+    /// Stores the wrenches of the newest step, one for each tool.
+    pub fn note(&self, newest: impl Iterator<Item = Newest>) {
+        self.lock().led.iter_mut().zip(newest).for_each(|(led, newest)| led.newest = newest);
+    }
+
+    /// Records how the loop ended, and wakes the threads that wait for the loop to begin (`wait_for_begin`).
+    pub fn end(&self, came: Outcome<Vec<Report>>) {
+        let mut facts = self.lock();
+        facts.is_running = false;
+        for led in &mut facts.led {
+            led.state.is_running = 0;
+            led.state.late_p99 = led.lateness.quantile(0.99);
+        }
+        match came {
+            Ok(reports) => {
+                let early = reports.into_iter().find_map(|report| report.ended);
+                facts.ended = early.unwrap_or_else(|| "its duration is over".into());
+            }
+            Err(failure) => {
+                facts.states().for_each(|state| state.status = failure.status);
+                facts.ended = failure.message.clone();
+                facts.failure = Some(failure);
+            }
+        }
+        self.changed.notify_all();
+    }
+
+    /// Waits until the haptic devices are open or the loop has ended. Errors: why the loop failed before the devices
+    /// were open.
+    pub fn wait_for_begin(&self) -> Outcome {
+        let mut facts = self.lock();
+        while !facts.has_begun && facts.is_running {
+            facts = self.changed.wait(facts).unwrap_or_else(|poisoned| poisoned.into_inner());
+        }
+        match (&facts.failure, facts.has_begun) {
+            (Some(failure), false) => Err(failure.clone()),
+            _ => Ok(()),
         }
     }
 }
@@ -348,15 +372,17 @@ mod tests {
     #[test]
     fn a_loop_that_fails_says_so_to_whoever_waits_for_its_beginning_and_to_all_afterwards() {
         let failed = || Err(Failure::new(palpate_status::Vulkan, "the device is on fire"));
-        let told = Told::new(1e-3);
+        let told = Told::new([1e-3; 2].into_iter());
         told.end(failed());
         assert_eq!(told.wait_for_begin().unwrap_err().message, "the device is on fire");
         let facts = told.lock();
-        assert_eq!((facts.state.is_running, facts.state.status), (0, palpate_status::Vulkan));
+        for Led { state, .. } in &facts.led {
+            assert_eq!((state.is_running, state.status), (0, palpate_status::Vulkan));
+        }
         assert_eq!(facts.ended, "the device is on fire");
-        let began = Told::new(1e-3);
+        let began = Told::new([1e-3; 2].into_iter());
         began.hear(Moment::Note("a note"));
-        assert!(began.wait_for_begin().is_ok() && began.lock().state.is_running == 1);
+        assert!(began.wait_for_begin().is_ok() && began.lock().led[1].state.is_running == 1);
         began.end(failed());
         assert!(began.wait_for_begin().is_ok() && began.lock().failure.is_some());
     }

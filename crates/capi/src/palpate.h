@@ -270,8 +270,8 @@ typedef int32_t palpate_device_kind;
 // is destroyed and the last simulation on it is gone.
 typedef struct palpate_context palpate_context;
 
-// A haptic loop: at the loop's rate (1000 Hz unless the scene or the options set another) a haptic device is read and
-// a force is played on it, and meanwhile a simulation does steps.
+// A haptic loop: at the loop's rate (1000 Hz unless the scene or the options set another) a haptic device, or one for
+// each of several tools, is read and a force is played on it, and meanwhile a simulation does steps.
 typedef struct palpate_loop palpate_loop;
 
 // A scene: the description of bodies, tool and settings, from which any number of simulations can be made. It is read
@@ -770,11 +770,11 @@ typedef struct palpate_play {
     double torque[3];
 } palpate_play;
 
-// A haptic device made of the caller's callbacks. The callbacks run on threads of the loop, never two at a time. They
-// return 0 on success; any other value means that the device is lost for now: nothing is played, and the device is
-// tried again at the next tick. A device that is lost for 5 s ends the loop. No callback may wait for longer than a
-// small part of a tick, or let an exception or a longjmp out. `palpate_loop_stop` and `palpate_loop_destroy` called
-// from within a callback only ask the loop to end.
+// A haptic device made of the caller's callbacks. The callbacks run on threads of the loop, never two of one device at
+// a time; those of several devices do. They return 0 on success; any other value means that the device is lost for now:
+// nothing is played, and the device is tried again at the next tick. The loop ends when its device, of several all of
+// them, is lost for 5 s. No callback may wait for longer than a small part of a tick, or let an exception or a longjmp
+// out. `palpate_loop_stop` and `palpate_loop_destroy` called from within a callback only ask the loop to end.
 typedef struct palpate_haptic_device {
     // Size of the struct in bytes: sizeof(palpate_haptic_device).
     uint32_t size;
@@ -818,7 +818,7 @@ typedef struct palpate_loop_options {
     uint32_t reserved;
     // Rate of the loop in ticks (iterations) per second, from 50 to 4000.
     double rate;
-    // Duration of the loop, s; 0: the loop runs until it is stopped.
+    // Duration of the loop, s, of several devices the shortest given; 0: the loop runs until it is stopped.
     double seconds;
     // Greatest force that is played, N. This field and the next four can only lower the limits in the profile of the
     // haptic device (the limits of its model); if a value is higher than the profile's limit, the profile's limit
@@ -836,11 +836,11 @@ typedef struct palpate_loop_options {
     double watchdog;
     // Longest time step of the simulation, s. From the scene's `dt` up to this value, the loop chooses the shortest
     // time step that takes no longer to compute than it lasts. If even a step of this length takes longer to compute,
-    // the loop uses this length, and bodies move slower than in real time.
+    // the loop uses this length, and bodies move slower than in real time. Of several devices the shortest holds.
     double longest_step;
 } palpate_loop_options;
 
-// State of a haptic loop. It is updated after each step of the simulation, so its values about ticks are at most one
+// State of a haptic loop; where several devices lead tools, that of one of them. It is updated after each step of the simulation, so its values about ticks are at most one
 // step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
 // orientations of the poses, which are the identity.
 typedef struct palpate_loop_state {
@@ -1265,10 +1265,10 @@ palpate_status palpate_contacts(struct palpate_simulation *simulation,
 
 // Starts a haptic loop. At the loop's rate `device` is read and receives the force to play; meanwhile the simulation,
 // which must have a tool (of several the first is led), steps in real time, each step with the device's newest pose.
-// Both happen on threads of the loop. `device` and `options` are copied; `options` may be null: then all options are those of the scene's
-// `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the device to open;
-// PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is called, and is set
-// to null if no loop starts.
+// Both happen on threads of the loop. `device` and `options` are copied; `options` may be null: then all options are
+// those of the scene's `[haptics]`. The call waits for five steps, which measure how long a step takes, and for the
+// device to open; PALPATE_STATUS_NO_DEVICE: the device did not open. `the_loop` is set before the first callback is
+// called, and is set to null if no loop starts.
 //
 // The loop owns the simulation until the loop has ended: calls on the simulation give PALPATE_STATUS_BUSY, except
 // `palpate_wrench_newest`, `palpate_step_poll` and `palpate_step_wait`. The simulation's handle may be destroyed while
@@ -1279,16 +1279,39 @@ palpate_status palpate_loop_start(struct palpate_simulation *simulation,
                                   const struct palpate_loop_options *options,
                                   struct palpate_loop **the_loop);
 
-// Reads the state of a loop. This function never waits; any thread may call it at any time, within callbacks too.
+// Starts a haptic loop as `palpate_loop_start` does, with a haptic device for each of the first `count` tools of the
+// scene, in the scene's order. `devices` and `options` have `count` elements; `options` may be null: then all options
+// are those of the tools' `haptics` in the scene. All devices have one clock; a fault of one leaves the forces of the
+// others as they are. `palpate_loop_read_tool` and `palpate_loop_wrench_tool` read what each does.
+palpate_status palpate_loop_start_tools(struct palpate_simulation *simulation,
+                                        const struct palpate_haptic_device *devices,
+                                        const struct palpate_loop_options *options,
+                                        size_t count,
+                                        struct palpate_loop **the_loop);
+
+// Reads the state of a loop, of several tools that of the first. This function never waits; any thread may call it at
+// any time, within callbacks too.
 palpate_status palpate_loop_read(struct palpate_loop *the_loop, struct palpate_loop_state *state);
 
-// Reads the wrench of the newest step of a loop's simulation, with the flags of that step, as `palpate_wrench_newest`
-// does. Unlike that function, this one works also after the simulation's handle was destroyed. `age_seconds` receives
-// the time since that step began, s; it may be null.
+// Reads the state of a loop for one of the tools that it leads, as `palpate_loop_read` does for the first. `tool`: its
+// position in the scene, from 0.
+palpate_status palpate_loop_read_tool(struct palpate_loop *the_loop, uint32_t tool, struct palpate_loop_state *state);
+
+// Reads the wrench of the newest step of a loop's simulation, of several tools that on the first, with the flags of
+// that step, as `palpate_wrench_newest` does. Unlike that function, this one works also after the simulation's handle
+// was destroyed. `age_seconds` receives the time since that step began, s; it may be null.
 palpate_status palpate_loop_wrench(struct palpate_loop *the_loop, struct palpate_wrench *wrench, double *age_seconds);
 
+// Reads the wrench of the newest step on one of the tools that a loop leads, as `palpate_loop_wrench` does on the
+// first. `tool`: its position in the scene, from 0.
+palpate_status palpate_loop_wrench_tool(struct palpate_loop *the_loop,
+                                        uint32_t tool,
+                                        struct palpate_wrench *wrench,
+                                        double *age_seconds);
+
 // Reads a note about a loop, one line of text. A note reports the virtual coupling that was chosen and why, a limit in
-// the options that exceeds that of the device's profile, or that the loop's thread has no raised priority. `note`:
+// the options that exceeds that of the device's profile, or that a thread of the loop has no raised priority; of
+// several tools the note begins with the name of one. `note`:
 // number of the note, from 0; `palpate_loop_state` has the number of notes. `count` receives the length of the text in
 // bytes, with its terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity`
 // is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
@@ -1302,7 +1325,7 @@ palpate_status palpate_loop_note(struct palpate_loop *the_loop,
 // `palpate_loop_note`.
 palpate_status palpate_loop_ended(struct palpate_loop *the_loop, char *text, size_t capacity, size_t *count);
 
-// Ends a loop. When the call returns, the device plays no force and is closed, and the simulation can be used again.
+// Ends a loop. When the call returns, its devices play no force and are closed, and the simulation can be used again.
 // State, notes and newest wrench of the loop can still be read. If the loop had failed, the call returns the status of
 // that failure. A call from within a callback only asks the loop to end, and gives PALPATE_STATUS_BUSY.
 palpate_status palpate_loop_stop(struct palpate_loop *the_loop);

@@ -321,8 +321,8 @@ private:
     }
 };
 
-/// A haptic loop: at a fixed rate it reads a haptic device and plays a force on it, and meanwhile a simulation does
-/// steps. The destructor ends the loop and closes the device.
+/// A haptic loop: at a fixed rate it reads a haptic device, or one for each of several tools, and plays a force on it,
+/// and meanwhile a simulation does steps. The destructor ends the loop and closes the devices.
 class Loop : public detail::Handle<palpate_loop, palpate_loop_destroy> {
 public:
     /// Starts a loop. palpate.h describes the structs `device` and `options`; the constructor sets their fields `size`.
@@ -332,17 +332,31 @@ public:
         options.size = sizeof options;
         check(palpate_loop_start(simulation.get(), &device, &options, &handle_));
     }
-    palpate_loop_state state() const {
+    /// Starts a loop with a device, and the options of its loop, for each of the first tools of the scene.
+    Loop(const Simulation &simulation,
+         const std::vector<std::pair<palpate_haptic_device, palpate_loop_options>> &tools) {
+        std::vector<palpate_haptic_device> devices;
+        std::vector<palpate_loop_options> options;
+        for (const auto &[device, option] : tools) {
+            devices.push_back(device);
+            devices.back().size = sizeof device;
+            options.push_back(option);
+            options.back().size = sizeof option;
+        }
+        check(palpate_loop_start_tools(simulation.get(), devices.data(), options.data(), devices.size(), &handle_));
+    }
+    /// Returns the state for a tool, whose position in the scene is `tool`.
+    palpate_loop_state state(uint32_t tool = 0) const {
         palpate_loop_state state{};
         state.size = sizeof state;
-        check(palpate_loop_read(get(), &state));
+        check(palpate_loop_read_tool(get(), tool, &state));
         return state;
     }
-    /// Returns the wrench of the simulation's newest step. `age` receives the time since that step began, s.
-    Wrench wrench(double *age = nullptr) const {
+    /// Returns the wrench of the simulation's newest step on a tool. `age` receives the time since that step began, s.
+    Wrench wrench(double *age = nullptr, uint32_t tool = 0) const {
         Wrench wrench{};
         wrench.size = sizeof wrench;
-        check(palpate_loop_wrench(get(), &wrench, age));
+        check(palpate_loop_wrench_tool(get(), tool, &wrench, age));
         return wrench;
     }
     /// Returns the notes about the loop, one line of text each.

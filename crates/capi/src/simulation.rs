@@ -254,7 +254,7 @@ impl Stepped for SimulationObject {
         };
         self.has_failed = row.is_err();
         self.last = row?;
-        Ok(wrench_of(&self.last))
+        Ok(wrench_of_tool(&self.last, 0))
     }
 }
 
@@ -315,12 +315,8 @@ pub unsafe extern "C" fn palpate_tool_wrench(
                 let problem = format!("tool is {tool}, but the scene has {tools} tools, counted from 0");
                 return Err(Failure::new(palpate_status::Argument, problem));
             }
-            let mut row = object.last.clone();
-            if tool > 0 {
-                row.tool = row.further_tools.get(tool as usize - 1).copied();
-            }
             // SAFETY: the C caller keeps the rules for pointers at the top of palpate.h.
-            unsafe { sized::tell(wrench, &wrench_of(&row), "wrench") }
+            unsafe { sized::tell(wrench, &wrench_of_tool(&object.last, tool as usize), "wrench") }
         })
     })
 }
@@ -342,7 +338,8 @@ pub(super) fn pose_of(given: &palpate_pose, what: &str) -> Outcome<Pose> {
     Ok(Pose { position: DVec3::from_array(given.position), orientation: orientation.normalize() })
 }
 
-pub(super) fn wrench_of(row: &StepReport) -> palpate_wrench {
+/// What a step left of the tool of this index.
+pub(super) fn wrench_of_tool(row: &StepReport, index: usize) -> palpate_wrench {
     let pose =
         |pose: &Pose| palpate_pose { position: pose.position.to_array(), orientation: pose.orientation.to_array() };
     let mut wrench = palpate_wrench {
@@ -355,7 +352,7 @@ pub(super) fn wrench_of(row: &StepReport) -> palpate_wrench {
         iterations: row.iterations,
         ..palpate_wrench::unset()
     };
-    if let Some(told) = &row.tool {
+    if let Some(told) = row.tool.iter().chain(&row.further_tools).nth(index) {
         (wrench.force, wrench.torque) = (told.force.to_array(), told.torque.to_array());
         (wrench.tool, wrench.device) = (pose(&told.tool), pose(&told.device));
     }

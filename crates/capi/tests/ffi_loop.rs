@@ -16,12 +16,15 @@ use palpate::internal::gpu::FAULTS;
 use palpate_capi::context::palpate_context_destroy;
 use palpate_capi::haptic_device::{palpate_haptic_device, palpate_play, palpate_reading};
 use palpate_capi::haptic_loop::{
-    palpate_loop, palpate_loop_destroy, palpate_loop_ended, palpate_loop_note, palpate_loop_read, palpate_loop_start,
-    palpate_loop_stop, palpate_loop_wrench,
+    palpate_loop, palpate_loop_destroy, palpate_loop_ended, palpate_loop_note, palpate_loop_read,
+    palpate_loop_read_tool, palpate_loop_start, palpate_loop_start_tools, palpate_loop_stop, palpate_loop_wrench,
+    palpate_loop_wrench_tool,
 };
 use palpate_capi::loop_options::palpate_loop_options;
 use palpate_capi::loop_state::*;
-use palpate_capi::simulation::{palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench};
+use palpate_capi::simulation::{
+    palpate_pose, palpate_simulation, palpate_simulation_destroy, palpate_step, palpate_wrench,
+};
 use palpate_capi::status::palpate_status;
 use palpate_capi::steps::{palpate_step_submit, palpate_step_wait, palpate_wrench_newest};
 
@@ -43,6 +46,8 @@ struct Facts {
     /// Number of calls of callbacks after the device was closed.
     after_close: u32,
     wish: Wish,
+    /// Start of the device relative to (0, 50.2 mm, 0), m.
+    offset: [f64; 3],
 }
 
 /// What the callbacks of the device do: `Press`: they press the tool into the block; `Stop` and `Destroy`: they also
@@ -113,7 +118,8 @@ unsafe extern "C" fn read(user: *mut c_void, time: f64, reading: *mut palpate_re
     with(user, |facts| {
         facts.reads += 1;
         // The device moves down into the block by 5 mm within a second, and then stays there.
-        reading.pose.position = [0.0, 0.0502 - 0.005 * time.min(1.0), 0.0];
+        let [x, y, z] = facts.offset;
+        reading.pose.position = [x, 0.0502 - 0.005 * time.min(1.0) + y, z];
         reading.buttons = 5;
         match facts.wish {
             Wish::FailToRead => return -1,
@@ -277,6 +283,78 @@ fn a_loop_presses_is_watched_and_gives_the_simulation_back() {
     );
     ok(palpate_loop_destroy(the_loop));
     refused(palpate_loop_stop(the_loop), palpate_status::Handle, "was destroyed");
+    ok(palpate_simulation_destroy(simulation));
+    assert_eq!(memory(context), 0);
+    ok(palpate_context_destroy(context));
+}
+
+/// The state that a loop tells of a tool.
+fn state_of(the_loop: *mut palpate_loop, tool: u32) -> palpate_loop_state {
+    let mut state = zeroed();
+    // SAFETY: the output pointer leads to a live local variable; the library checks handles.
+    ok(unsafe { palpate_loop_read_tool(the_loop, tool, &mut state) });
+    state
+}
+
+#[test]
+fn each_of_two_tools_is_led_by_a_device_of_its_own() {
+    use palpate_status::{Argument, Null};
+    let context = context();
+    let simulation = simulation(context, TWO_TOOLS);
+    // Above each ball, which the plane stops.
+    let hands = [-0.03, 0.03].map(|x| Hand(Mutex::new(Facts { offset: [x, -0.04, 0.0], ..Facts::default() })));
+    let devices = [hands[0].device(), palpate_haptic_device { profile: c"premium".as_ptr(), ..hands[1].device() }];
+    let options = [zeroed(), palpate_loop_options { max_force: 0.1, ..zeroed() }];
+    let mut the_loop = null_mut();
+    let mut start = |devices: &[palpate_haptic_device], options: *const palpate_loop_options, count| {
+        // SAFETY: devices, options and the output variable outlive the call, and the library checks handles.
+        unsafe { palpate_loop_start_tools(simulation, devices.as_ptr(), options, count, &mut the_loop) }
+    };
+    let mut wrong = options;
+    wrong[1].rate = 1.0;
+    let unable = [devices[0], palpate_haptic_device { read: None, ..devices[1] }];
+    refused(start(&devices, null(), 0), Argument, "count is 0");
+    refused(start(&[devices[0]; 3], null(), 3), Argument, "count is 3, but the scene has 2 tools");
+    refused(start(&devices, wrong.as_ptr(), 2), Argument, "options[1].rate is 1");
+    refused(start(&unable, null(), 2), Null, "devices[1].read is null");
+    hands[1].wish(Wish::FailToOpen);
+    refused(start(&devices, null(), 2), palpate_status::NoDevice, "right: the haptic device is lost");
+    assert_eq!([0, 1].map(|k: usize| hands[k].facts().closed), [1, 0]);
+    for hand in &hands {
+        let mut facts = hand.0.lock().unwrap();
+        *facts = Facts { offset: facts.offset, ..Facts::default() };
+    }
+
+    ok(start(&devices, options.as_ptr(), 2));
+    wait_for(|| [0, 1].into_iter().all(|tool| state_of(the_loop, tool).peak_force > 0.09));
+    hands[0].wish(Wish::FailToRead);
+    wait_for(|| state_of(the_loop, 0).events_so_far & PALPATE_EVENT_DEVICE_LOST != 0);
+    hands[0].wish(Wish::Press);
+    wait_for(|| state_of(the_loop, 0).gain == 1.0 && state_of(the_loop, 0).time > 1.2);
+    ok(palpate_loop_stop(the_loop));
+    assert_eq!(ended(the_loop), "it was stopped");
+    let states = [0, 1].map(|tool| state_of(the_loop, tool));
+    for (tool, (state, hand)) in states.iter().zip(&hands).enumerate() {
+        let (facts, x) = (hand.facts(), [-0.03, 0.03][tool]);
+        let place = format!("tool {tool}: {state:?}, {facts:?}");
+        assert_eq!((facts.opened, facts.closed, facts.after_close, facts.last_force), (1, 1, 0, [0.0; 3]), "{place}");
+        assert!((state.device.position[0] - x).abs() < 1e-3 && (state.tool.position[0] - x).abs() < 5e-3, "{place}");
+        assert_eq!((state.is_running, state.notes), (0, states[0].notes), "{place}");
+        assert!(state.events_so_far & PALPATE_EVENT_DEVICE_LOST == 0 || tool == 0, "{place}");
+        assert!(facts.peak <= [f64::INFINITY, 0.1 + 1e-12][tool] && facts.peak > [0.2, 0.09][tool], "{place}");
+        let (mut told, mut age) = (wrench(), f64::NAN);
+        // SAFETY: the output pointers lead to live local variables; the library checks handles.
+        ok(unsafe { palpate_loop_wrench_tool(the_loop, tool as u32, &mut told, &mut age) });
+        let near = |pose: palpate_pose| (pose.position[0] - x).abs() < 5e-3;
+        assert!(near(told.tool) && near(told.device) && told.force[1] > 0.09 && age.is_finite(), "{place}: {told:?}");
+    }
+    // SAFETY (both blocks): the output pointers lead to live local variables; the library checks handles.
+    let state = unsafe { palpate_loop_read_tool(the_loop, 2, &mut zeroed()) };
+    refused(state, Argument, "tool is 2, but the loop leads 2 tools");
+    let wrench = unsafe { palpate_loop_wrench_tool(the_loop, 2, &mut wrench(), null_mut()) };
+    refused(wrench, Argument, "tool is 2, but the loop leads 2 tools");
+    ok(palpate_loop_destroy(the_loop));
+    ok(step(simulation));
     ok(palpate_simulation_destroy(simulation));
     assert_eq!(memory(context), 0);
     ok(palpate_context_destroy(context));

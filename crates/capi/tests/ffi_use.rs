@@ -106,28 +106,14 @@ fn a_step_allocates_nothing_once_it_runs() {
     ok(palpate_context_destroy(context));
 }
 
-/// Scene text: two rigid spheres of 10 mm above a plane, each a tool with a coupling of its own.
-const TWO_TOOLS: &std::ffi::CStr = c"[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = 1e8\n\
-    [[body]]\nname = \"ground\"\nplane = [0.0, 1.0, 0.0, 0.0]\n\
-    [[body]]\nname = \"a\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
-    mass = 0.05\nposition = [-0.03, 0.0101, 0.0]\n\
-    [[body]]\nname = \"b\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
-    mass = 0.05\nposition = [0.03, 0.0101, 0.0]\n\
-    [[tool]]\nname = \"left\"\nbody = \"a\"\ncoupling = { stiffness = 500, damping = 5, angular_stiffness = 1, angular_damping = 0.01 }\n\
-    [[tool]]\nname = \"right\"\nbody = \"b\"\ncoupling = { stiffness = 1000, damping = 7, angular_stiffness = 1, angular_damping = 0.01 }\n";
-
 #[test]
 fn each_of_two_tools_is_led_and_felt() {
     use palpate_status::{Argument, Null};
     let context = context();
-    let (mut scene, mut simulation, mut count) = (null_mut(), null_mut(), 0);
-    // SAFETY (this and the blocks below): the text is terminated by a zero, poses and outputs are live local variables
-    // or null, and the library checks handles.
-    unsafe {
-        ok(palpate_scene_parse(TWO_TOOLS.as_ptr(), null(), &mut scene));
-        ok(palpate_simulation_create(context, scene, &mut simulation));
-        ok(palpate_tool_count(simulation, &mut count));
-    }
+    let (simulation, mut count) = (ffi_help::simulation(context, ffi_help::TWO_TOOLS), 0);
+    // SAFETY (this and the blocks below): poses and outputs are live local variables or null, and the library checks
+    // handles.
+    ok(unsafe { palpate_tool_count(simulation, &mut count) });
     assert_eq!(count, 2);
     let at = |x: f64, y: f64| palpate_pose { position: [x, y, 0.0], orientation: [0.0, 0.0, 0.0, 1.0] };
     let felt = |tool: u32| {
@@ -165,7 +151,6 @@ fn each_of_two_tools_is_led_and_felt() {
     }
     assert_eq!(felt(1).step, 201);
     ok(palpate_simulation_destroy(simulation));
-    ok(palpate_scene_destroy(scene));
     ok(palpate_context_destroy(context));
 }
 

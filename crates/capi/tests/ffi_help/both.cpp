@@ -63,6 +63,17 @@ int main(int argc, char **argv) {
         hand.is_closed = false;
         const palpate::Loop other(simulation, device);
     }
+    is_right = is_right && hand.is_closed;
+    hand.is_closed = false;
+    {
+        palpate_loop_options options{};
+        options.max_force = 0.05;
+        palpate::Loop third(simulation, {{device, options}});
+        while (third.state(0).peak_force < 0.04 && third.ended().empty()) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        }
+        is_right = is_right && third.wrench(&age, 0).step > 1 && third.state(0).peak_force < 0.0501;
+    }
     is_right = is_right && hand.is_closed && simulation.step().step > 2;
     const auto wrenches = simulation.step_tools({simulation.newest(&age).device});
     is_right = is_right && simulation.tool_count() == 1 && wrenches.size() == 1;
