@@ -241,9 +241,14 @@ impl Simulation {
     /// there is no tool.
     #[doc(hidden)]
     pub fn contact_wrenches(&self, inputs: &[DeviceInput]) -> Vec<ContactWrench> {
-        let wrenches = std::iter::once(self.last_wrench).chain(self.further_tools.iter().map(|tool| tool.wrench));
-        let or_nothing = |(input, wrench): (_, Option<_>)| wrench.unwrap_or_else(|| ContactWrench::nothing_at(input));
-        inputs.iter().zip(wrenches).map(or_nothing).collect()
+        let or_nothing = |(input, wrench): (_, Option<&_>)| *wrench.unwrap_or(&ContactWrench::nothing_at(input));
+        inputs.iter().zip(self.last_wrenches()).map(or_nothing).collect()
+    }
+
+    /// The contact wrench on each tool in the last step, as [`Simulation::contact_wrench`] gives that on the first.
+    #[doc(hidden)]
+    pub fn last_wrenches(&self) -> impl Iterator<Item = Option<&ContactWrench>> {
+        std::iter::once(self.last_wrench.as_ref()).chain(self.further_tools.iter().map(|tool| tool.wrench.as_ref()))
     }
 
     /// Simulates a step of the scene's `dt` that ends with the haptic device in this pose; the device moves there

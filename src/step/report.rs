@@ -52,6 +52,13 @@ pub struct StepReport {
     pub reactions: Vec<Wrench>,
 }
 
+impl StepReport {
+    /// All tools, in the scene's order.
+    pub fn tools(&self) -> impl Iterator<Item = &ToolReport> {
+        self.tool.iter().chain(&self.further_tools)
+    }
+}
+
 /// What a step asked of the GPU, in all attempts at it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct StepWork {

@@ -352,7 +352,7 @@ pub(super) fn wrench_of_tool(row: &StepReport, index: usize) -> palpate_wrench {
         iterations: row.iterations,
         ..palpate_wrench::unset()
     };
-    if let Some(told) = row.tool.iter().chain(&row.further_tools).nth(index) {
+    if let Some(told) = row.tools().nth(index) {
         (wrench.force, wrench.torque) = (told.force.to_array(), told.torque.to_array());
         (wrench.tool, wrench.device) = (pose(&told.tool), pose(&told.device));
     }

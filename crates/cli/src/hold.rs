@@ -57,11 +57,6 @@ pub fn choose_profile(scene: &mut Scene, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Makes the haptic device that a scene asks for, of several the first; the device begins at the pose `start`.
-pub fn device(scene: &Scene, start: Key) -> Result<Box<dyn Device>> {
-    device_of(scene, &leader_of(scene, 0)?, start)
-}
-
 /// What the scene says of the device that leads the tool of this index, which must be there.
 fn leader_of(scene: &Scene, index: usize) -> Result<Leader<'_>> {
     let missing = || Error::Usage("the scene has no tool for the haptic device; add a [tool]".into());
@@ -239,9 +234,23 @@ pub fn hold(
 
 /// Makes the haptic devices that a scene asks for, each with the tool of its simulation that it leads.
 pub fn leaders(simulation: &Simulation, scene: &Scene) -> Result<Vec<session::Leader>> {
-    let described: Vec<_> = (0..scene.held_tools()).map(|index| leader_of(scene, index)).collect::<Result<_>>()?;
-    for (index, leader) in described.iter().enumerate() {
-        if let Some(other) = described[..index].iter().find(|other| !are_apart(&other.haptics, &leader.haptics)) {
+    let start = |tool: &Tool| Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
+    let devices = simulation.tools().take(scene.held_tools()).map(|tool| (start(tool), None));
+    leaders_with(simulation, scene, devices.collect())
+}
+
+/// Like [`leaders`], for as many tools as `devices` has elements: for each the pose at which its device begins, and the
+/// device if it is not one of the scene.
+pub fn leaders_with(
+    simulation: &Simulation,
+    scene: &Scene,
+    devices: Vec<(Key, Option<Box<dyn Device>>)>,
+) -> Result<Vec<session::Leader>> {
+    let described: Vec<_> = (0..devices.len()).map(|index| leader_of(scene, index)).collect::<Result<_>>()?;
+    let of_scene = described.iter().zip(&devices).filter(|(_, (_, device))| device.is_none()).map(|(leader, _)| leader);
+    let of_scene: Vec<_> = of_scene.collect();
+    for (index, leader) in of_scene.iter().enumerate() {
+        if let Some(other) = of_scene[..index].iter().find(|other| !are_apart(&other.haptics, &leader.haptics)) {
             let remedy = match leader.haptics.device {
                 DeviceKind::Touch | DeviceKind::ForceDimension => "give one of them another kind of device",
                 DeviceKind::Haply => "give each a `device_id` of its own in `haply`",
@@ -251,12 +260,11 @@ pub fn leaders(simulation: &Simulation, scene: &Scene) -> Result<Vec<session::Le
             return Err(Error::key(&scene.file, format!("{}.device", leader.key), problem, remedy));
         }
     }
-    let make = |(leader, tool): (Leader, &Tool)| {
-        let start = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
-        let device = device_of(scene, &leader, start)?;
+    let make = |((leader, (start, own)), tool): ((Leader, (Key, Option<_>)), &Tool)| {
+        let device = own.map_or_else(|| device_of(scene, &leader, start), Ok)?;
         Ok(session::Leader { name: leader.tool.into(), device, tool: tool.clone(), haptics: leader.haptics })
     };
-    described.into_iter().zip(simulation.tools()).map(make).collect()
+    described.into_iter().zip(devices).zip(simulation.tools()).map(make).collect()
 }
 
 /// Whether two settings are of different devices, which can be held at the same time. The drivers of Touch and Force

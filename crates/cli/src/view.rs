@@ -1,5 +1,5 @@
-//! `palpate view`: a window that shows a running scene, whose tool, a rigid body, the user moves with the mouse or a
-//! haptic device. The trace is `trace.csv`, a table with a row for each step.
+//! `palpate view`: a window that shows a running scene, whose tools, rigid bodies, the user moves with the mouse or
+//! haptic devices. The trace is `trace.csv`, a table with a row for each step.
 
 mod app;
 mod closing;
@@ -16,13 +16,13 @@ use std::sync::{Arc, Mutex};
 
 use clap::builder::{NonEmptyStringValueParser, PossibleValuesParser};
 use palpate::internal::gpu::display_extensions;
-use palpate::internal::haptics::Device;
+use palpate::internal::haptics::{Device, session};
 use palpate::scene::profile::PROFILES;
-use palpate::scene::{DeviceKind, Haptics, Key};
+use palpate::scene::{DeviceKind, FurtherTool, Haptics, Key};
 use palpate::{Error, Options, Result, Scene, Simulation, StepReport, Threads};
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;
-use palpate_view::live::{Begin, Extent, Lead, Live, MakeDevice, Watch};
+use palpate_view::live::{Begin, Extent, Held, Lead, Live, Watch};
 use winit::event_loop::EventLoop;
 
 use crate::report::{Names, Output, Trace};
@@ -42,8 +42,8 @@ fn movers() -> impl Iterator<Item = &'static str> {
 pub struct Arguments {
     /// The scene, a TOML file
     scene: PathBuf,
-    /// What moves the tool: the mouse, a haptic device, or `drive`, which stands for the scene's keys (timed poses)
-    /// [default: mouse; drive if the scene has no tool]
+    /// What moves the tool, of several the first: the mouse, a haptic device, or `drive`, which stands for the scene's
+    /// keys (timed poses) of all tools [default: mouse; drive if the scene has no tool]
     #[arg(long, alias = "haptics", value_name = "DEVICE", value_parser = PossibleValuesParser::new(movers()))]
     device: Option<String>,
     /// Profile (limits of force and workspace) of the haptic device, instead of the scene's; a real device's can only
@@ -106,10 +106,10 @@ pub fn view(arguments: &Arguments) -> Result<()> {
     let stop = Stop::or_suspended()?;
     let mut output = arguments.out.as_deref().map(Output::create).transpose()?;
     let trace = Shared::new(output.as_mut(), &simulation)?;
-    let goal = (name == "mouse").then(Goal::default);
+    let goals = goals(&scene, name);
     let folder = arguments.out.clone().unwrap_or_default();
     let begin = Begin {
-        lead: lead(name, goal.as_ref(), &scene.haptics),
+        lead: lead(name, &goals, &scene.haptics),
         extent,
         watch: trace.watch(),
         folder: folder.clone(),
@@ -120,7 +120,7 @@ pub fn view(arguments: &Arguments) -> Result<()> {
         &events,
         Live::start(begin)?,
         context.clone(),
-        app::Setup { size, goal, folder, ends: extent != Extent::Endless, stop: stop.flag(), scene },
+        app::Setup { size, goals, folder, ends: extent != Extent::Endless, stop: stop.flag(), scene },
     );
     let ran = events.run_app(&mut app).map_err(|error| Error::NoDevice(format!("the window failed: {error}")));
     let ended = app.end();
@@ -160,22 +160,41 @@ fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
     ))
 }
 
-/// What moves the tool, by the name on the command line; `goal`, the pose that the mouse moves, is given if that name
-/// is `mouse`.
-fn lead(name: &str, goal: Option<&Goal>, haptics: &Haptics) -> Lead {
+/// For each tool the pose that the mouse moves, if the mouse holds the tool: the first one if `name` on the command line
+/// is `mouse`, and each further one that has neither a haptic device nor keys.
+fn goals(scene: &Scene, name: &str) -> Vec<Option<Goal>> {
+    let first = scene.tool.iter().map(|_| name == "mouse");
+    let is_free = |tool: &FurtherTool| name != "drive" && tool.haptics.is_none() && tool.trajectory.is_empty();
+    first.chain(scene.further_tools.iter().map(is_free)).map(|is_held| is_held.then(Goal::default)).collect()
+}
+
+/// What moves the tools, by the name on the command line; `goals` are those of [`goals`], and `haptics` are the settings of
+/// the first tool's device.
+fn lead(name: &str, goals: &[Option<Goal>], haptics: &Haptics) -> Lead {
     if name == "drive" {
         return Lead::Script;
     }
-    let (goal, haptics) = (goal.cloned(), haptics.clone());
-    let make: MakeDevice = Box::new(move |simulation, start: Key| match &goal {
+    let (goals, haptics) = (goals.to_vec(), haptics.clone());
+    let make = move |simulation: &Simulation, starts: &[Key]| {
         // After a surface file is dropped onto the window, the new scene gets the haptic device that the user chose.
-        None => hold::device(&Scene { haptics: haptics.clone(), ..simulation.scene().clone() }, start),
-        Some(goal) => {
-            goal.place(start.position, start.orientation);
-            Ok(Box::new(Mouse::new(goal.clone())) as Box<dyn Device>)
-        }
-    });
-    Lead::Device { name: name.into(), make }
+        let scene = Scene { haptics: haptics.clone(), ..simulation.scene().clone() };
+        let held = goals.iter().rposition(Option::is_some).map_or(0, |last| last + 1).max(scene.held_tools());
+        let device = |(start, goal): (&Key, &Option<Goal>)| {
+            let mouse = goal.as_ref().map(|goal| {
+                goal.place(start.position, start.orientation);
+                Box::new(Mouse::new(goal.clone())) as Box<dyn Device>
+            });
+            (*start, mouse)
+        };
+        let leaders =
+            hold::leaders_with(simulation, &scene, starts.iter().zip(&goals).take(held).map(device).collect())?;
+        let named = |(leader, goal): (session::Leader, &Option<Goal>)| {
+            let device = if goal.is_some() { "mouse" } else { leader.haptics.device.name() };
+            Held { device: device.into(), leader }
+        };
+        Ok(leaders.into_iter().zip(&goals).map(named).collect())
+    };
+    Lead::Devices(Box::new(make))
 }
 
 /// The trace, written by the simulation's thread and finished by the window's thread.

@@ -103,6 +103,63 @@ fn the_mouse_presses_a_body_in_a_window_that_is_resized_hidden_and_closed() {
 }
 
 #[test]
+#[ignore = "long: 10 s"]
+fn the_key_tab_chooses_the_tool_that_the_mouse_moves() {
+    let (folder, display) = (tempfile::tempdir().unwrap(), Display::start());
+    let (file, out) = (folder.path().join("two.toml"), folder.path().join("out"));
+    // Beside the block two balls, the tools, over the ground; the third follows its `drive`.
+    let ball = |name: &str, x: f64, more: &str| {
+        format!(
+            "[[body]]\nname = \"{name}\"\nsurface = {{ model = \"sphere\", vertices = 100 }}\nscale = 0.01\n\
+             motion = \"dynamic\"\nmass = 0.05\nposition = [{x:?}, 0.0101, 0.0]\n\
+             [[tool]]\nname = \"{name}\"\nbody = \"{name}\"\ncoupling = {{ stiffness = 500, damping = 5, angular_stiffness = 0.5, angular_damping = 0.002 }}\n{more}"
+        )
+    };
+    let scene = "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = 1e8\n\
+        [[body]]\nname = \"ground\"\nplane = [0.0, 1.0, 0.0, 0.0]\n"
+        .to_owned()
+        + &ball("left", -0.03, "")
+        + &ball("right", 0.03, "")
+        + &ball("driven", 0.09, "drive = { keys = [[0.0, 0.09, 0.0101, 0.0], [0.1, 0.09, 0.0061, 0.0]] }\n");
+    fs::write(&file, scene).unwrap();
+    let [file, out_name] = [&file, &out].map(|path| path.to_str().unwrap());
+    let arguments = ["view", file, "--size", "800x600", "--out", out_name, "--validation"];
+    let mut program = display.program(&arguments).spawn().unwrap();
+    let id = display.window("palpate: two", &mut program);
+    pause(3.0);
+    display.xdotool(&["windowfocus", &id]);
+    let drag = |by: &str| {
+        display.xdotool(&["mousemove", "--window", &id, "300", "200", "mousedown", "1"]);
+        for _ in 0..8 {
+            display.xdotool(&["mousemove_relative", "--", "0", by]);
+            pause(0.1);
+        }
+        display.xdotool(&["mouseup", "1"]);
+        pause(0.5);
+    };
+    display.xdotool(&["key", "Tab"]);
+    drag("4");
+    // The third tool is held by none, so that the first comes after it.
+    display.xdotool(&["key", "Tab", "key", "Tab"]);
+    drag("2");
+    display.xdotool(&["key", "Escape"]);
+    let (status, text, stderr) = end(program);
+    assert_eq!(status, Some(0), "standard error: {stderr}");
+    assert!(text.contains("haptic loop of left") && text.contains("haptic loop of right"), "{text}");
+    let trace = fs::read_to_string(out.join("trace.csv")).unwrap();
+    let height = |head: &str| column(&trace, head);
+    let [left, right, driven] = ["device_y", "right:device_y", "driven:device_y"].map(height);
+    let began = |heights: &[f64]| heights.iter().position(|y| *y < 0.0095).unwrap_or(usize::MAX);
+    assert!(
+        began(&right) < began(&left) && began(&left) < usize::MAX,
+        "the second tool is to be moved before the first"
+    );
+    assert!((driven.last().unwrap() - 0.0061).abs() < 1e-6, "the third follows its drive: {:?}", driven.last());
+    let forces = ["force_y", "right:force_y", "driven:force_y"].map(|head| *height(head).last().unwrap());
+    assert!(forces.iter().all(|newton| *newton > 0.1), "forces at the end, N: {forces:?}");
+}
+
+#[test]
 fn with_the_window_the_trace_is_that_of_a_run() {
     let (folder, display) = (tempfile::tempdir().unwrap(), Display::start());
     let file = scene(folder.path());

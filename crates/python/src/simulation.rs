@@ -355,7 +355,7 @@ fn plain_report<'a>(report: &StepReport, names: impl Iterator<Item = &'a str>) -
     (
         report.step,
         report.time,
-        report.tool.iter().chain(&report.further_tools).map(tool).collect(),
+        report.tools().map(tool).collect(),
         report.contacts,
         report.max_depth,
         report.iterations,

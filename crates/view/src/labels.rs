@@ -9,7 +9,7 @@ use palpate::internal::step::Field;
 use palpate::{Context, Result};
 
 use super::look::map;
-use super::moment::Moment;
+use super::moment::{Felt, Moment};
 use super::overlay::Overlay;
 use super::painter::{Atlas, Painter};
 use super::renderer::Legend;
@@ -97,7 +97,7 @@ struct Line {
 /// The legend's lines on materials, then those on force and torque.
 fn lines(moment: &Moment, legend: &Legend) -> Vec<Line> {
     let mut lines = materials(moment);
-    if moment.shown.has(Overlay::Arrows) && moment.tool.is_some() {
+    if moment.shown.has(Overlay::Arrows) {
         lines.extend(arrows(moment, legend));
     }
     lines
@@ -115,17 +115,21 @@ fn materials(moment: &Moment) -> Vec<Line> {
     named.chain(rest).collect()
 }
 
-/// The legend's lines on force and torque, in the colours of the arrows.
-fn arrows(moment: &Moment, legend: &Legend) -> [Line; 2] {
-    let line = |name: &str, x: f64, high: f64, unit: &str| {
+/// The legend's lines on force and torque, in the colours of the arrows; two for each tool, of several with its name.
+fn arrows(moment: &Moment, legend: &Legend) -> Vec<Line> {
+    let line = |ink: Color32, name: String, x: f64, high: f64, unit: &str| {
         let longest = if high > 0.0 { format!(" (longest arrow {})", with_unit(high, unit)) } else { String::new() };
-        format!("{name} {}{longest}", with_unit(x, unit))
+        Line { swatch: None, ink, text: format!("{name} {}{longest}", with_unit(x, unit)) }
     };
-    let of = |ink: Color32, text: String| Line { swatch: None, ink, text };
-    [
-        of(Color32::from_rgb(200, 50, 40), line("force", moment.force.length(), legend.force, "N")),
-        of(Color32::from_rgb(70, 80, 190), line("torque", moment.torque.length(), legend.torque, "N m")),
-    ]
+    let of_tool = |Felt { name, wrench, .. }: &Felt| {
+        let of = if moment.tools.len() > 1 { format!("{name}: ") } else { String::new() };
+        let (red, blue) = (Color32::from_rgb(200, 50, 40), Color32::from_rgb(70, 80, 190));
+        [
+            line(red, format!("{of}force"), wrench.force.length(), legend.force, "N"),
+            line(blue, format!("{of}torque"), wrench.torque.length(), legend.torque, "N m"),
+        ]
+    };
+    moment.tools.iter().flat_map(of_tool).collect()
 }
 
 /// Writes the text of the upper left corner.

@@ -1,5 +1,5 @@
-//! The thread on which a simulation runs while other threads draw it. The simulation's *tool* (a rigid body) is held by
-//! a haptic device or follows the scene's keys (key frames of the desired pose). Between two steps the thread executes
+//! The thread on which a simulation runs while other threads draw it. The simulation's *tools* (rigid bodies) are held by
+//! haptic devices or follow the scene's keys (key frames of the desired pose). Between two steps the thread executes
 //! commands; after each step it publishes the results. The thread waits for drawing only at the GPU's queue, which
 //! steps and *slices* (the parts in which an image is drawn) use in turns (see [`Turns`]).
 
@@ -14,8 +14,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-use palpate::internal::haptics::Device;
-use palpate::internal::haptics::session::Report;
+use palpate::internal::haptics::session::{self, Report};
 use palpate::internal::prepare::bodies::Bodies;
 use palpate::scene::{Contact, Coupling, Key, Material};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
@@ -28,9 +27,17 @@ use worker::Worker;
 /// dropped.
 const SAMPLES: usize = 1 << 14;
 
-/// Makes the haptic device for a session (one run of the haptic loop). Its arguments are the simulation and the pose at
-/// which the session begins.
-pub type MakeDevice = Box<dyn FnMut(&Simulation, Key) -> Result<Box<dyn Device>> + Send>;
+/// A haptic device with the tool that it leads, and the name of the device for a recording of the session.
+pub struct Held {
+    /// The device and its tool.
+    pub leader: session::Leader,
+    /// Name of the kind of device.
+    pub device: String,
+}
+
+/// Makes the haptic devices for a session (one run of the haptic loop), for the first of the tools. Its arguments are the
+/// simulation and for each tool the pose at which its device begins.
+pub type MakeDevices = Box<dyn FnMut(&Simulation, &[Key]) -> Result<Vec<Held>> + Send>;
 
 /// A function that is called with every step report; if it returns an error, the simulation stops stepping.
 pub type Watch = Box<dyn FnMut(&StepReport) -> Result<()> + Send>;
@@ -39,18 +46,13 @@ pub type Watch = Box<dyn FnMut(&StepReport) -> Result<()> + Send>;
 /// is replaced.
 pub type Question = Box<dyn FnOnce(&mut Simulation, u64) + Send>;
 
-/// What moves the tool.
+/// What moves the tools.
 pub enum Lead {
-    /// The scene's keys, which the tool follows step after step, no faster than real time.
+    /// The scene's keys, which the tools follow step after step, no faster than real time.
     Script,
-    /// A haptic device, through the haptic loop.
-    Device {
-        /// The name by which the user chose the device.
-        name: String,
-        /// Makes the device of each session. Another session begins after each pause, each reset, and each change of
-        /// the virtual coupling (spring and damper between device and tool).
-        make: MakeDevice,
-    },
+    /// Haptic devices, through haptic loops. The function makes the devices of each session. Another session begins after
+    /// each pause, each reset, and each change of the virtual coupling (spring and damper between device and tool).
+    Devices(MakeDevices),
 }
 
 /// When the simulation ends.
@@ -112,7 +114,7 @@ pub struct Live {
     snapshots: triple_buffer::Output<Snapshot>,
     samples: rtrb::Consumer<Sample>,
     notes: Receiver<String>,
-    sessions: Receiver<Report>,
+    sessions: Receiver<Vec<Report>>,
 }
 
 /// Sends commands to the simulation's thread; each thread that sends commands has its own clone of this value.
@@ -166,8 +168,9 @@ impl Live {
         self.notes.try_iter()
     }
 
-    /// Reports of the sessions that ended since the last call of this function, the oldest first.
-    pub fn sessions(&self) -> impl Iterator<Item = Report> + '_ {
+    /// Reports of the sessions that ended since the last call of this function, the oldest first; a session has one for
+    /// each device.
+    pub fn sessions(&self) -> impl Iterator<Item = Vec<Report>> + '_ {
         self.sessions.try_iter()
     }
 

@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 use palpate::internal::gpu::Buffer;
-use palpate::internal::step::{self, ContactPatchRectangle, Field, FieldValues, Mesh};
-use palpate::{Result, Simulation};
+use palpate::internal::step::tool::Tool;
+use palpate::internal::step::{self, ContactPatchRectangle, ContactWrench, Field, FieldValues, Mesh};
+use palpate::{Result, Simulation, Wrench};
 
 use super::materials::{self, Coloured};
 use super::overlay::{Overlay, Overlays};
@@ -14,17 +15,13 @@ use super::overlay::{Overlay, Overlays};
 pub struct Moment {
     /// What is shown besides the skins (the bodies' surface meshes).
     pub shown: Overlays,
-    /// Position of the tool (the rigid body that the haptic device leads), m; `None` if the scene has no tool.
-    pub tool: Option<DVec3>,
-    /// Position of the haptic device that holds the tool, m; set by a caller that knows this position.
-    pub device: Option<DVec3>,
+    /// The tools (the rigid bodies that haptic devices lead), in the scene's order.
+    pub tools: Vec<Felt>,
+    /// Positions of the haptic devices that hold the tools, m; set by a caller that knows them, for the first tools.
+    pub devices: Vec<DVec3>,
     /// Text in the image's upper left corner, such as the simulated time from [`clock`]; set by a caller that wants a
     /// text.
     pub corner: Option<String>,
-    /// Contact force on the tool, N.
-    pub force: DVec3,
-    /// Contact torque on the tool about its centre, N m.
-    pub torque: DVec3,
     /// Positions of the vertices of all skins; another buffer than in the [`Moment`] before if the simulation has made
     /// its arrays anew.
     pub(super) positions: Buffer,
@@ -37,6 +34,17 @@ pub struct Moment {
     pub(super) contact_patches: Vec<ContactPatchRectangle>,
     /// The materials of soft bodies with their colours; empty unless they are shown.
     pub(super) materials: Vec<Coloured>,
+}
+
+/// A tool and what it touches with.
+#[derive(Debug, Clone)]
+pub struct Felt {
+    /// Name of the tool.
+    pub name: String,
+    /// Position of the tool, m.
+    pub centre: DVec3,
+    /// Contact force on the tool, N, and contact torque about its centre, N m.
+    pub wrench: Wrench,
 }
 
 /// The simulated time as text, such as `t = 0.125 s`, with three decimals, or with as many more, up to six, as the
@@ -74,17 +82,20 @@ impl Moment {
         }
         let contact_patches =
             if shown.has(Overlay::ContactPatches) { simulation.contact_patch_rectangles()? } else { Vec::new() };
-        let wrench = simulation.contact_wrench().map(|felt| felt.wrench).unwrap_or_default();
-        let tool = simulation.tool().map(|tool| tool.centre);
+        let felt = |(index, (tool, wrench)): (usize, (&Tool, Option<&ContactWrench>))| Felt {
+            name: simulation.scene().leader(index).map_or(String::new(), |leader| leader.tool.into()),
+            centre: tool.centre,
+            wrench: wrench.map_or(Wrench::ZERO, |felt| felt.wrench),
+        };
+        let tools: Vec<Felt> = simulation.tools().zip(simulation.last_wrenches()).enumerate().map(felt).collect();
+        let tool = tools.first().map(|tool| tool.centre);
         let frames = (0..simulation.bodies().len()).map(|body| simulation.frames(body).first().map(|p| p.centre));
         Ok(Moment {
             shown,
-            tool,
-            device: None,
+            tools,
+            devices: Vec::new(),
             corner: None,
             materials: if shown.has(Overlay::Materials) { materials::coloured(simulation) } else { Vec::new() },
-            force: wrench.force,
-            torque: wrench.torque,
             positions,
             normals,
             frames: frames.chain([tool]).collect(),

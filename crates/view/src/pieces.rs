@@ -8,11 +8,11 @@ use std::sync::Arc;
 use glam::DVec3;
 use palpate::internal::gpu::Buffer;
 use palpate::internal::step::{self, Field};
-use palpate::{Context, Result};
+use palpate::{Context, Result, Wrench};
 
 use super::look::{Look, Material, flags};
 use super::marks::Marks;
-use super::moment::Moment;
+use super::moment::{Felt, Moment};
 use super::overlay::Overlay;
 use super::parts::Part;
 use super::renderer::Legend;
@@ -173,19 +173,20 @@ impl Source<'_> {
 
     fn marks(&self, pieces: &mut Pieces) -> Result<()> {
         let [longest, thick, thin, normal] = ARROW.map(|share| share * self.height);
-        let Moment { tool, device, force, torque, shown, contact_patches, .. } = self.moment;
+        let Moment { tools, devices, shown, contact_patches, .. } = self.moment;
         let mut marks = Marks::new(self.origin);
         let mut made = Vec::new();
-        if let Some(tool) = tool.filter(|_| shown.has(Overlay::Arrows)) {
+        for Felt { centre, wrench, .. } in tools.iter().filter(|_| shown.has(Overlay::Arrows)) {
+            let Wrench { force, torque } = wrench;
             for (vector, high, colour) in [(force, self.legend.force, FORCE), (torque, self.legend.torque, TORQUE)] {
                 if high > 0.0 {
-                    let arrow = marks.arrow(tool, tool + longest / high * *vector, thick);
+                    let arrow = marks.arrow(*centre, centre + longest / high * *vector, thick);
                     made.push((arrow, Style::Solid, Material::plain(colour)));
                 }
             }
         }
-        if let (Some(tool), Some(device)) = (tool, device) {
-            made.push((marks.rod(*tool, *device, thin), Style::Solid, Material::plain(LEAD)));
+        for (tool, device) in tools.iter().zip(devices) {
+            made.push((marks.rod(tool.centre, *device, thin), Style::Solid, Material::plain(LEAD)));
         }
         for contact_patch in contact_patches {
             let half = [0, 1].map(|k| contact_patch.half[k].max(thick) * contact_patch.tangents[k]);

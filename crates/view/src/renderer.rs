@@ -11,7 +11,7 @@ use palpate::internal::gpu::{
 };
 use palpate::internal::shaders;
 use palpate::internal::step::{self, Field, FieldValues};
-use palpate::{Context, Error, Result, Simulation};
+use palpate::{Context, Error, Result, Simulation, Wrench};
 
 use super::Camera;
 use super::look::{self, BACKGROUND, Material, SCALE_COLOURS, View, across, columns, light};
@@ -202,8 +202,11 @@ impl Renderer {
             (values.field, scale.high)
         });
         let field = field.filter(|(field, _)| shows(moment, *field, &self.parts.skins));
-        self.scales[FORCE].show(moment.force.length());
-        self.scales[TORQUE].show(moment.torque.length());
+        let greatest = |part: fn(&Wrench) -> DVec3| {
+            moment.tools.iter().map(|tool| part(&tool.wrench).length()).fold(0.0, f64::max)
+        };
+        self.scales[FORCE].show(greatest(|wrench| wrench.force));
+        self.scales[TORQUE].show(greatest(|wrench| wrench.torque));
         self.legend = Legend { field, force: self.scales[FORCE].high, torque: self.scales[TORQUE].high };
     }
 

@@ -45,8 +45,8 @@ pub enum Said {
 /// Settings of the window.
 pub struct Setup {
     pub size: [u32; 2],
-    /// Goal pose of the tool (the rigid body that the user moves), if the mouse sets it.
-    pub goal: Option<Goal>,
+    /// For each tool (a rigid body that the user moves) its goal pose, if the mouse sets it.
+    pub goals: Vec<Option<Goal>>,
     /// Folder for image files.
     pub folder: PathBuf,
     /// Whether the window closes by itself after a number of steps or seconds.
@@ -69,6 +69,10 @@ pub struct App {
     panel: Panel,
     frames: Frames,
     hand: Hand,
+    /// Names of the tools.
+    tools: Vec<String>,
+    /// Index of the tool that the mouse moves and whose force is plotted.
+    chosen: usize,
     camera: Camera,
     atlas: Atlas,
     /// Whether the atlas (the texture with the letters) has changed since the last frame that was shown.
@@ -85,6 +89,7 @@ impl App {
     pub fn new(events: &EventLoop<Said>, live: Live, context: Arc<Context>, setup: Setup) -> App {
         let camera = framed(&live);
         App {
+            tools: names(&setup.scene),
             setup,
             live,
             context,
@@ -96,6 +101,7 @@ impl App {
             panel: Panel::new(),
             frames: Frames::default(),
             hand: Hand::default(),
+            chosen: 0,
             camera,
             atlas: Atlas::default(),
             is_atlas_new: false,
@@ -123,9 +129,10 @@ impl App {
         }
         self.error.take().map_or(Ok(()), Err)?;
         print(&self.frames.summary(&delays))?;
-        // Each pause ends a session (run of the haptic loop with a device), so there may be several; only the report of
-        // the last session is printed.
-        self.live.sessions().last().map_or(Ok(()), |report| print(&Closing(&report).to_string()))
+        // Each pause ends a session (run of the haptic loops with devices), so there may be several; only the reports of
+        // the last session are printed.
+        let reports = self.live.sessions().last().unwrap_or_default();
+        reports.iter().try_for_each(|report| print(&Closing(report).to_string()))
     }
 
     fn open(&mut self, events: &ActiveEventLoop) -> Result<()> {
@@ -165,11 +172,14 @@ impl App {
         let snapshot = self.live.snapshot().clone();
         let mut command = None;
         let output = self.egui.run_ui(input.take_egui_input(window), |ui| {
-            command = self.panel.show(ui, &snapshot, &delays).or(command.take());
+            let tool = self.tools.get(self.chosen).filter(|_| self.tools.len() > 1).map(String::as_str);
+            command = self.panel.show(ui, &snapshot, (self.chosen, tool), &delays).or(command.take());
         });
         input.handle_platform_output(window, output.platform_output);
-        let goal = self.setup.goal.as_ref().map(|goal| goal.pose().0);
-        let device = goal.or(snapshot.row.as_ref().and_then(|row| row.tool).map(|tool| tool.device.position));
+        let device = |tool: usize| {
+            let goal = self.setup.goals.get(tool).and_then(Option::as_ref).map(|goal| goal.pose().0);
+            goal.or(snapshot.row.as_ref().and_then(|row| row.tools().nth(tool)).map(|tool| tool.device.position))
+        };
         self.is_atlas_new |= tessellated::update(&mut self.atlas, &output.textures_delta);
         let mut delta = output.textures_delta;
         delta.clear();
@@ -178,7 +188,7 @@ impl App {
             size,
             camera: self.camera,
             overlays: self.panel.overlays,
-            device,
+            devices: (0..).map_while(device).collect(),
             panel: tessellated::flat(&primitives, output.pixels_per_point, size),
             atlas: self.is_atlas_new.then(|| self.atlas.clone()),
             picture: self.picture.clone(),
@@ -216,9 +226,22 @@ impl App {
         }
     }
 
+    /// The goal of the chosen tool, if the mouse moves it.
+    fn goal(&self) -> Option<&Goal> {
+        self.setup.goals.get(self.chosen).and_then(Option::as_ref)
+    }
+
+    /// Chooses the next tool.
+    fn choose(&mut self) {
+        self.goal().into_iter().for_each(|goal| goal.press(false));
+        self.hand.let_go();
+        self.chosen = (self.chosen + 1) % self.tools.len().max(1);
+    }
+
     fn key(&mut self, code: KeyCode, events: &ActiveEventLoop) {
         let link = self.live.link();
         match code {
+            KeyCode::Tab => self.choose(),
             KeyCode::Escape => events.exit(),
             KeyCode::Space => link.tell(Command::Pause),
             KeyCode::Period => link.tell(Command::Step),
@@ -261,6 +284,7 @@ impl App {
         match made {
             Ok(made) => {
                 let (scene, bodies) = *made;
+                (self.tools, self.chosen) = (names(&scene), 0);
                 self.setup.scene = scene.clone();
                 self.live.link().tell(Command::Replace(Box::new((scene, bodies))));
                 self.reframes = true;
@@ -268,6 +292,11 @@ impl App {
             Err(error) => self.panel.say(error.to_string()),
         }
     }
+}
+
+/// Names of a scene's tools, in its order.
+fn names(scene: &Scene) -> Vec<String> {
+    (0..).map_while(|index| Some(scene.leader(index)?.tool.into())).collect()
 }
 
 /// A camera that shows the whole scene.
@@ -280,6 +309,11 @@ fn framed(live: &Live) -> Camera {
     });
     let (low, high) = corners.unwrap_or_default();
     Camera::around(low, high)
+}
+
+/// Whether an event is of the key that chooses the next tool, with which the panel would go from slider to slider.
+fn is_tab(event: &WindowEvent) -> bool {
+    matches!(event, WindowEvent::KeyboardInput { event, .. } if event.physical_key == PhysicalKey::Code(KeyCode::Tab))
 }
 
 impl ApplicationHandler<Said> for App {
@@ -302,16 +336,21 @@ impl ApplicationHandler<Said> for App {
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let (Some(window), Some(input)) = (&self.window, &mut self.input) else { return };
-        // The response is not needed: the panel is laid out anew for the next frame.
-        let _ = input.on_window_event(window, &event);
+        if !(self.tools.len() > 1 && is_tab(&event)) {
+            // The response is not needed: the panel is laid out anew for the next frame.
+            let _ = input.on_window_event(window, &event);
+        }
         if matches!(event, WindowEvent::KeyboardInput { .. }) && self.egui.egui_wants_keyboard_input() {
             // The key belongs to a number that the user types into the panel.
             return;
         }
         let edge = f64::from(window.inner_size().width) - f64::from(WIDTH) * window.scale_factor();
         let size = self.size();
-        let radius = self.setup.scene.tool.as_ref().and_then(|tool| tool.shape.radius());
-        self.hand.hear(&event, edge, &mut self.camera, self.setup.goal.as_ref(), radius, size);
+        // Further tools are bodies, of no known radius.
+        let first = self.setup.scene.tool.as_ref().filter(|_| self.chosen == 0);
+        let radius = first.and_then(|tool| tool.shape.radius());
+        let goal = self.setup.goals.get(self.chosen).and_then(Option::as_ref);
+        self.hand.hear(&event, edge, &mut self.camera, goal, radius, size);
         match event {
             WindowEvent::CloseRequested => events.exit(),
             WindowEvent::DroppedFile(file) => {

@@ -27,8 +27,8 @@ pub struct Order {
     pub size: [u32; 2],
     pub camera: Camera,
     pub overlays: Overlays,
-    /// Position of the haptic device, m.
-    pub device: Option<DVec3>,
+    /// Positions of the haptic devices of the first tools, m.
+    pub devices: Vec<DVec3>,
     pub panel: Flat,
     /// The atlas (the texture with the letters), if it changed.
     pub atlas: Option<Atlas>,

@@ -86,7 +86,7 @@ impl Easel {
         }
         let Seen { renderer, .. } = self.seen.insert(seen);
         let mut moment = Moment::of(simulation, renderer.origin(), order.overlays)?;
-        moment.device = order.device;
+        moment.devices.clone_from(&order.devices);
         // In the window the panel shows the simulated time; an image file does not show the panel.
         moment.corner = order.picture.is_some().then(|| clock(simulation));
         renderer.look(&moment, &order.camera)?;

@@ -1,4 +1,4 @@
-//! Input of the window: how mouse and keys move the tool (the rigid body that the user holds) and the camera.
+//! Input of the window: how mouse and keys move the chosen tool (a rigid body that the user holds) and the camera.
 
 use glam::{DVec2, DVec3};
 use palpate_devices::mouse::Goal;
@@ -93,6 +93,11 @@ impl Hand {
             }
             _ => {}
         }
+    }
+
+    /// Ends the drag of a tool.
+    pub fn let_go(&mut self) {
+        self.tool = false;
     }
 
     fn moved(&self, by: DVec2, camera: &mut Camera, goal: Option<&Goal>, size: [u32; 2]) {

@@ -27,7 +27,7 @@ const LINES: usize = 5;
 /// Number of stages of a step whose times are listed, the slowest first.
 const STAGES: usize = 6;
 
-const HELP: &str = "left drag: move the tool   with wheel: in depth\narrows, q, e: turn the tool\nright drag: orbit   \
+const HELP: &str = "left drag: move the tool   with wheel: in depth\narrows, q, e: turn the tool   Tab: the next tool\nright drag: orbit   \
     middle drag: pan   wheel: zoom\nspace: pause   . : one step   r: reset\ns: save an image   t: start or end a \
     recording\n1 pressure   2 depth   3 force\n4 proxies   5 contact patches   6 layer   7 cores\n8 strain energy   \
     9 displacement   0 materials\nv von Mises stress   p hydrostatic pressure\nh: this help   Esc: close";
@@ -121,14 +121,21 @@ impl Panel {
         }
     }
 
-    /// Lays out the panel; returns the command that a slider gives to the simulation, if any.
-    pub fn show(&mut self, ui: &mut Ui, snapshot: &Snapshot, delays: &Delays) -> Option<Command> {
+    /// Lays out the panel; returns the command that a slider gives to the simulation, if any. `tool`: index of the chosen
+    /// tool, and of several its name.
+    pub fn show(
+        &mut self,
+        ui: &mut Ui,
+        snapshot: &Snapshot,
+        tool: (usize, Option<&str>),
+        delays: &Delays,
+    ) -> Option<Command> {
         let mut command = None;
         egui::Panel::right("panel").exact_size(WIDTH).show(ui, |ui| {
             egui::ScrollArea::vertical().show(ui, |ui| {
                 ui.spacing_mut().slider_width = 64.0;
                 self.state(ui, snapshot);
-                self.felt(ui, snapshot);
+                self.felt(ui, snapshot, tool);
                 self.cost(ui, snapshot, delays);
                 command = self.sliders(ui, &snapshot.settings);
                 ui.separator();
@@ -155,10 +162,11 @@ impl Panel {
         ui.label(if self.shows_help { HELP } else { "h: help" });
     }
 
-    fn felt(&self, ui: &mut Ui, snapshot: &Snapshot) {
+    fn felt(&self, ui: &mut Ui, snapshot: &Snapshot, (index, name): (usize, Option<&str>)) {
+        name.into_iter().for_each(|name| drop(ui.label(format!("tool {name}   Tab: the next"))));
         let Some(row) = &snapshot.row else { return };
         ui.separator();
-        if let Some(tool) = &row.tool {
+        if let Some(tool) = row.tools().nth(index) {
             let (force, torque) = (tool.force.length(), tool.torque.length());
             ui.label(format!("force {force:.3} N   torque {:.2} mN m", 1e3 * torque));
             let behind = tool.device.position.distance(tool.tool.position);
@@ -168,7 +176,7 @@ impl Panel {
                                sight: move the hand back, or press r to reset.";
                 ui.colored_label(Color32::LIGHT_RED, words).on_hover_text(meaning);
             }
-            self.trace(ui);
+            self.trace(ui, index);
         }
         let depth = 1e3 * row.max_depth.unwrap_or(0.0);
         ui.label(format!("contacts {}   depth {depth:.2} mm", row.contacts.unwrap_or(0)));
@@ -177,7 +185,7 @@ impl Panel {
             let label = ui.colored_label(Color32::LIGHT_RED, words.title);
             label.on_hover_text(format!("{} {}", words.meaning, words.remedy.unwrap_or_default()));
         }
-        if let Some(state) = &snapshot.haptics {
+        if let Some(state) = snapshot.haptics.get(index) {
             let [median, p99, most] = state.late.map(|s| 1e3 * s);
             ui.label(format!("haptic loop late by {median:.2} / {p99:.2} / {most:.2} ms (median, p99, worst)"));
             for words in state.events.iter().filter_map(|name| Event::named(name)).map(Event::explained) {
@@ -187,19 +195,19 @@ impl Panel {
         }
     }
 
-    /// Plots the contact force over the last seconds; the full height of the plot stands for the greatest of these
-    /// forces.
-    fn trace(&self, ui: &mut Ui) {
+    /// Plots the contact force on the tool of this index over the last seconds; the full height of the plot stands for the
+    /// greatest of these forces.
+    fn trace(&self, ui: &mut Ui, tool: usize) {
         let (response, painter) = ui.allocate_painter(Vec2::new(ui.available_width(), TRACE), Sense::hover());
         let area = response.rect;
         painter.rect_filled(area, 2.0, Color32::from_black_alpha(60));
-        let most = self.samples.iter().map(|sample| sample.force.length()).fold(0.0, f64::max);
+        let most = self.samples.iter().map(|sample| sample.forces[tool].length()).fold(0.0, f64::max);
         let Some(last) = self.samples.back() else { return };
         let scale = if most > 0.0 { f64::from(area.height() - 4.0) / most } else { 0.0 };
         let place = |sample: &Sample| {
             let ago = (last.time - sample.time) / SPAN;
             let x = f64::from(area.right()) - ago * f64::from(area.width());
-            Pos2::new(x as f32, (f64::from(area.bottom() - 2.0) - scale * sample.force.length()) as f32)
+            Pos2::new(x as f32, (f64::from(area.bottom() - 2.0) - scale * sample.forces[tool].length()) as f32)
         };
         // Only about as many points are drawn as can be distinguished.
         let every = (self.samples.len() / 400).max(1);

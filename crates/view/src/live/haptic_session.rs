@@ -1,32 +1,33 @@
-//! A session (one run of the haptic loop with a haptic device that holds the tool), as the simulation's thread runs it:
+//! A session (one run of the haptic loops with the haptic devices that hold the tools), as the simulation's thread runs it:
 //! each step takes its turn at the GPU's queue, and commands are executed between two steps.
 
 use std::cell::RefCell;
 use std::path::PathBuf;
-use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use palpate::Result;
 use palpate::internal::haptics::clock::Lateness;
 use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::event::Events;
+use palpate::internal::haptics::servo::Tick;
 use palpate::internal::haptics::session::{self, Moment, Options};
+use palpate::internal::step::tool::Tool;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::Key;
+use palpate::{Result, RigidState};
 use palpate_devices::record::{Header, Leader, Recording};
 
 use super::snapshot::LoopState;
 use super::worker::{Next, Worker, no_tool};
-use super::{Extent, Lead};
+use super::{Extent, Held, Lead};
 
 /// Time between two evaluations of the quantiles of the ticks' lateness; an evaluation goes through a large histogram.
 /// A tick is an iteration of the haptic loop.
 const REFRESH: Duration = Duration::from_millis(250);
 
-/// What the haptic loop has reported to the simulation's thread.
+/// What the haptic loop of a device has reported to the simulation's thread.
 struct Heard {
     state: LoopState,
     lateness: Lateness,
@@ -36,6 +37,18 @@ struct Heard {
 }
 
 impl Heard {
+    /// What is known at the beginning of a loop with this period, s.
+    fn new(period: f64) -> Heard {
+        let (state, lateness) = (LoopState::default(), Lateness::new());
+        Heard { state, lateness, events: Events::default(), period, refreshed: None }
+    }
+
+    fn tick(&mut self, tick: &Tick) {
+        self.lateness.add(tick.late, self.period);
+        self.events.0 |= tick.events.0;
+        self.state.played = tick.played;
+    }
+
     /// The loop's state for the next snapshot; the collected events are reset.
     fn taken(&mut self) -> LoopState {
         if self.lateness.ticks() > 0 && self.refreshed.is_none_or(|at| at.elapsed() > REFRESH) {
@@ -48,50 +61,59 @@ impl Heard {
     }
 }
 
-/// The environment of the haptic loop: it steps the simulation, and publishes a snapshot after each step.
+/// The environment of the haptic loops: it steps the simulation, and publishes a snapshot after each step.
 struct Felt<'a, 'b> {
     worker: &'a RefCell<&'b mut Worker>,
-    heard: Rc<RefCell<Heard>>,
+    heard: &'a RefCell<Vec<Heard>>,
 }
 
 impl Environment for Felt<'_, '_> {
     fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        self.feel_each(std::slice::from_ref(input), h).map(|wrenches| wrenches[0])
+    }
+
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
         let mut worker = self.worker.borrow_mut();
-        let row = worker.in_turn(|simulation| simulation.step_device_input(input, h))?;
-        let wrench = worker.simulation.contact_wrench_of(input);
-        worker.last_input = Some(*input);
-        worker.set_loop(Some(self.heard.borrow_mut().taken()));
+        let row = worker.in_turn(|simulation| simulation.step_device_inputs(inputs, h))?;
+        let wrenches = worker.simulation.contact_wrenches(inputs);
+        worker.last_inputs = inputs.to_vec();
+        worker.set_loops(self.heard.borrow_mut().iter_mut().map(Heard::taken).collect());
         worker.found(&row)?;
-        Ok(wrench)
+        Ok(wrenches)
     }
 }
 
 impl Worker {
-    /// Runs a session until another task is requested, the session's time is over, or the device is lost for good.
+    /// Runs a session until another task is requested, the session's time is over, or all devices are lost for good.
     /// Records the session if a file is given.
     pub fn hold(&mut self, record: Option<PathBuf>) -> Result<()> {
         let scene = self.simulation.scene().clone();
-        let mut tool = self.simulation.tool().cloned().ok_or_else(|| no_tool(&scene))?;
-        tool.coupling = scene.coupling;
-        if scene.held_tools() > 1 {
-            self.out.note("of several haptic devices the window holds the first; palpate run holds them all");
+        if scene.tool.is_none() {
+            return Err(no_tool(&scene));
         }
-        if self.last_input.is_some() {
-            // After a pause the tool starts at rest.
-            (tool.velocity, tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
-        }
-        let (position, orientation) = match &self.last_input {
-            Some(input) => (input.device.position, input.device.orientation),
-            None => (tool.centre, tool.orientation),
+        self.couple();
+        let is_first = self.last_inputs.is_empty();
+        let start = |(index, tool): (usize, &Tool)| {
+            let own = Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
+            let device = self.last_inputs.get(index).map(|input| input.device);
+            device.map_or(own, |RigidState { position, orientation, .. }| Key { position, orientation, ..own })
         };
-        let start = Key { time: 0.0, position, orientation };
-        let Lead::Device { name, make } = &mut self.lead else { return Ok(()) };
-        let device = make(&self.simulation, start)?;
+        let starts: Vec<Key> = self.simulation.tools().enumerate().map(start).collect();
+        let Lead::Devices(make) = &mut self.lead else { return Ok(()) };
+        let mut held = make(&self.simulation, &starts)?;
+        if !is_first {
+            // After a pause the tools start at rest.
+            let tools = held.iter_mut().map(|held| &mut held.leader.tool);
+            tools.for_each(|tool| (tool.velocity, tool.angular_velocity) = (DVec3::ZERO, DVec3::ZERO));
+        }
+        let leaders = held.iter().map(|Held { leader, device }| Leader {
+            tool: leader.name.clone(),
+            profile: leader.device.profile().name.into(),
+            device: device.clone(),
+        });
         let recording = match &record {
             Some(file) => {
-                let tool = scene.tool.as_ref().map_or(String::new(), |tool| tool.name.clone());
-                let leader = Leader { tool, profile: device.profile().name.into(), device: name.clone() };
-                let header = Header::new(&scene, &self.simulation, vec![leader]);
+                let header = Header::new(&scene, &self.simulation, leaders.collect());
                 match header.and_then(|header| Recording::create(file, &header)) {
                     Ok(recording) => Some(recording),
                     Err(error) => {
@@ -106,27 +128,17 @@ impl Worker {
         let seconds = if let Extent::Seconds(seconds) = self.extent { seconds } else { f64::INFINITY };
         let stop = Arc::new(AtomicBool::new(false));
         let options = Options { seconds, shortest_step: scene.step.dt, stop: stop.clone(), bare_timer: false };
-        let heard = Rc::new(RefCell::new(Heard {
-            state: LoopState::default(),
-            lateness: Lateness::new(),
-            events: Events::default(),
-            period: 1.0 / scene.haptics.rate,
-            refreshed: None,
-        }));
-        let (ears, notes) = (heard.clone(), self.out.notes.clone());
+        let leaders: Vec<_> = held.into_iter().map(|held| held.leader).collect();
+        let heard: Vec<Heard> = leaders.iter().map(|leader| Heard::new(1.0 / leader.haptics.rate)).collect();
+        let heard = RefCell::new(heard);
+        let notes = self.out.notes.clone();
         let mut recording = recording;
         let worker = RefCell::new(self);
         let hear = |moment: Moment| {
             match moment {
                 // If the receiver is gone, sending fails, which is ignored.
                 Moment::Note(note) => drop(notes.send(note.into())),
-                Moment::Tick(_, tick) => {
-                    let mut heard = ears.borrow_mut();
-                    let period = heard.period;
-                    heard.lateness.add(tick.late, period);
-                    heard.events.0 |= tick.events.0;
-                    heard.state.played = tick.played;
-                }
+                Moment::Tick(index, tick) => heard.borrow_mut()[index].tick(tick),
                 _ => {}
             }
             match (&mut recording, moment) {
@@ -146,20 +158,20 @@ impl Worker {
             }
             Ok(())
         };
-        let mut felt = Felt { worker: &worker, heard };
-        let report = session::hold(device, &tool, &scene.haptics, &mut felt, &options, hear);
+        let mut felt = Felt { worker: &worker, heard: &heard };
+        let reports = session::hold_each(leaders, &mut felt, &options, hear);
         let this = worker.into_inner();
         if let (Some(recording), Some(file)) = (recording, record) {
             let totals = recording.finish()?;
             let name = file.display();
             this.out.note(format!("recorded {} ticks; replay them by: palpate replay {name}", totals.ticks));
         }
-        let report = report?;
-        if let (Some(why), None) = (&report.ended, &this.next) {
+        let reports = reports?;
+        if let (Some(why), None) = (&reports[0].ended, &this.next) {
             this.out.note(format!("the session ended: {why}"));
         }
         // If the receiver is gone, sending fails, which is ignored.
-        let _ = this.out.sessions.send(report);
+        let _ = this.out.sessions.send(reports);
         Ok(())
     }
 }

@@ -1,5 +1,5 @@
 //! What the simulation's thread publishes: a snapshot of the newest state, which replaces the previous snapshot; a
-//! sample (time, force and torque) of each step; and lines for the user. A *session* is one run of the haptic loop, in
+//! sample (time and forces) of each step; and lines for the user. A *session* is one run of the haptic loop, in
 //! which a haptic device holds the *tool*, a rigid body of the simulation.
 
 use std::path::PathBuf;
@@ -8,6 +8,7 @@ use std::sync::mpsc::Sender;
 
 use glam::DVec3;
 use palpate::internal::haptics::session::Report;
+use palpate::internal::shaders::MOST_TOOLS;
 use palpate::scene::{Contact, Coupling, Material};
 use palpate::{Simulation, StepReport, Wrench};
 
@@ -38,9 +39,9 @@ pub struct Settings {
     pub contact: Option<Contact>,
     /// Contact stiffness of the stiffest pair of bodies, N/m^3; the window shows it where the scene says "auto".
     pub stiffness: f64,
-    /// The virtual coupling (spring and damper between device and tool) that was asked for.
+    /// The virtual coupling (spring and damper between device and tool) that was asked for, of several tools the first's.
     pub coupling: Option<Coupling>,
-    /// Whether a device holds the tool; then the haptic loop limits the coupling's gains.
+    /// Whether devices hold the tools; then the haptic loops limit the gains of the couplings.
     pub has_device: bool,
 }
 
@@ -70,8 +71,8 @@ pub struct Snapshot {
     pub probes: Arc<Vec<String>>,
     /// Names of the stages of the last step that was timed, each with its time, microseconds.
     pub stages: Vec<(String, f64)>,
-    /// State of the haptic loop; `None` if no device holds the tool.
-    pub haptics: Option<LoopState>,
+    /// State of the haptic loop of each tool that a device holds, in the scene's order.
+    pub haptics: Vec<LoopState>,
     /// The quantities that the user can change.
     pub settings: Arc<Settings>,
 }
@@ -81,10 +82,8 @@ pub struct Snapshot {
 pub struct Sample {
     /// Simulated time, s.
     pub time: f64,
-    /// Contact force on the tool, N.
-    pub force: DVec3,
-    /// Contact torque on the tool, N m.
-    pub torque: DVec3,
+    /// Contact force on each tool, N; zero for tools that the scene does not have.
+    pub forces: [DVec3; MOST_TOOLS as usize],
 }
 
 /// The sending ends of the channels through which the thread publishes.
@@ -92,8 +91,8 @@ pub(super) struct Out {
     pub out: triple_buffer::Input<Snapshot>,
     pub samples: rtrb::Producer<Sample>,
     pub notes: Sender<String>,
-    /// Takes the report of each session that ended.
-    pub sessions: Sender<Report>,
+    /// Takes the reports of each session that ended, one for each device.
+    pub sessions: Sender<Vec<Report>>,
 }
 
 impl Out {
@@ -105,8 +104,10 @@ impl Out {
 
     /// Publishes the sample of a step; the sample is dropped if the queue is full.
     pub fn sample(&mut self, row: &StepReport) {
-        if let Some(tool) = &row.tool {
-            let _ = self.samples.push(Sample { time: row.time, force: tool.force, torque: tool.torque });
+        let mut forces = [DVec3::ZERO; MOST_TOOLS as usize];
+        forces.iter_mut().zip(row.tools()).for_each(|(force, tool)| *force = tool.force);
+        if row.tool.is_some() {
+            let _ = self.samples.push(Sample { time: row.time, forces });
         }
     }
 }

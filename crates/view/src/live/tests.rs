@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
 use palpate::internal::gpu::{FAULTS, Recorder};
-use palpate::{Options, StepWork};
+use palpate::{Options, StepWork, ToolReport};
 use palpate_devices::Mouse;
 use palpate_devices::mouse::Goal;
 
@@ -36,10 +36,24 @@ fn turn() {
     });
 }
 
+/// A scene in which two balls, the tools, lie on the ground.
+const TWO_TOOLS: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = 1e8\n\
+    [[body]]\nname = \"ground\"\nplane = [0.0, 1.0, 0.0, 0.0]\n\
+    [[body]]\nname = \"a\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
+    mass = 0.05\nposition = [-0.03, 0.0101, 0.0]\n\
+    [[body]]\nname = \"b\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
+    mass = 0.05\nposition = [0.03, 0.0101, 0.0]\n\
+    [[tool]]\nname = \"left\"\nbody = \"a\"\ncoupling = { stiffness = 500, damping = 5, angular_stiffness = 1, angular_damping = 0.01 }\n\
+    [[tool]]\nname = \"right\"\nbody = \"b\"\ncoupling = { stiffness = 700, damping = 7, angular_stiffness = 1, angular_damping = 0.01 }\n";
+
 fn simulation(folder: &std::path::Path) -> Simulation {
+    simulation_of(folder, SCENE)
+}
+
+fn simulation_of(folder: &std::path::Path, scene: &str) -> Simulation {
     turn();
     let file = folder.join("scene.toml");
-    std::fs::write(&file, SCENE).unwrap();
+    std::fs::write(&file, scene).unwrap();
     let device = std::env::var("PALPATE_TEST_DEVICE").ok();
     let options = Options { device, validation: true, ..Options::of_program() };
     Simulation::open(&Scene::load(&file).unwrap(), &options).unwrap()
@@ -203,11 +217,19 @@ fn a_device_that_is_lost_is_shown_with_the_stages_under_way() {
 
 fn mouse(goal: &Goal) -> Lead {
     let goal = goal.clone();
-    let make: MakeDevice = Box::new(move |_, start: Key| {
-        goal.place(start.position, start.orientation);
-        Ok(Box::new(Mouse::new(goal.clone())) as Box<dyn Device>)
-    });
-    Lead::Device { name: "mouse".into(), make }
+    Lead::Devices(Box::new(move |simulation: &Simulation, starts: &[Key]| {
+        goal.place(starts[0].position, starts[0].orientation);
+        Ok(vec![held(simulation, 0, &goal)])
+    }))
+}
+
+/// A mouse that holds the tool of this index.
+fn held(simulation: &Simulation, index: usize, goal: &Goal) -> Held {
+    let leader = simulation.scene().leader(index).unwrap();
+    let (name, haptics) = (leader.tool.into(), leader.haptics.clone());
+    let tool = simulation.tools().nth(index).unwrap().clone();
+    let leader = session::Leader { name, device: Box::new(Mouse::new(goal.clone())), tool, haptics };
+    Held { leader, device: "mouse".into() }
 }
 
 #[test]
@@ -215,7 +237,7 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
     let folder = tempfile::tempdir().unwrap();
     let goal = Goal::new(DVec3::ZERO, DQuat::IDENTITY);
     let (mut live, _) = live(simulation(folder.path()), mouse(&goal), Extent::Endless, folder.path());
-    until(&mut live, |snapshot| snapshot.haptics.as_ref().is_some_and(|state| state.ticks > 20));
+    until(&mut live, |snapshot| snapshot.haptics.first().is_some_and(|state| state.ticks > 20));
     goal.shift(DVec3::Y * -0.01);
     let pressed = |snapshot: &Snapshot| {
         let tool = snapshot.row.as_ref().and_then(|row| row.tool);
@@ -230,7 +252,7 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
     until(&mut live, |snapshot| snapshot.settings.coupling == Some(coupling));
     live.link().tell(Command::Record);
     let recording = |snapshot: &Snapshot| matches!(snapshot.state, State::Recording(_));
-    until(&mut live, |snapshot| recording(snapshot) && snapshot.haptics.as_ref().is_some_and(|s| s.ticks > 20));
+    until(&mut live, |snapshot| recording(snapshot) && snapshot.haptics.first().is_some_and(|s| s.ticks > 20));
     goal.shift(DVec3::Y * -0.01);
     let has_stepped = |snapshot: &Snapshot| snapshot.row.as_ref().is_some_and(|row| row.step > 20);
     until(&mut live, |snapshot| recording(snapshot) && pressed(snapshot) && has_stepped(snapshot));
@@ -264,4 +286,61 @@ fn a_mouse_presses_is_recorded_from_the_start_and_replays_to_the_same_bits() {
         }
     }
     assert!(steps > 20, "only {steps} steps were recorded");
+}
+
+#[test]
+fn each_of_two_tools_is_moved_recorded_and_replays_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let goals = [0, 1].map(|_| Goal::new(DVec3::ZERO, DQuat::IDENTITY));
+    let led = goals.clone();
+    let lead = Lead::Devices(Box::new(move |simulation: &Simulation, starts: &[Key]| {
+        starts.iter().zip(&led).for_each(|(start, goal)| goal.place(start.position, start.orientation));
+        Ok(led.iter().enumerate().map(|(index, goal)| held(simulation, index, goal)).collect())
+    }));
+    let (mut live, _) = live(simulation_of(folder.path(), TWO_TOOLS), lead, Extent::Endless, folder.path());
+    let runs = |snapshot: &Snapshot| snapshot.haptics.len() == 2 && snapshot.haptics.iter().all(|s| s.ticks > 20);
+    until(&mut live, runs);
+    // The goals began at the balls; the second is pressed on the ground, and only it is felt there.
+    let places = goals.each_ref().map(|goal| goal.pose().0.x);
+    assert!((places[0] + 0.03).abs() < 1e-4 && (places[1] - 0.03).abs() < 1e-4, "places of the goals, m: {places:?}");
+    goals[1].shift(DVec3::Y * -0.004);
+    let forces = |snapshot: &Snapshot| {
+        let row = snapshot.row.as_ref();
+        row.map_or(vec![0.0; 2], |row| row.tools().map(|tool| tool.force.y).collect())
+    };
+    let pressed = until(&mut live, |snapshot| forces(snapshot)[1] > 1.0);
+    assert!(forces(&pressed)[0] < 0.2, "forces, N: {:?}", forces(&pressed));
+    until(&mut live, |snapshot| snapshot.haptics.get(1).is_some_and(|state| state.played.force.y > 1.0));
+    assert!(live.snapshot().haptics[0].played.force.y < 0.2);
+    assert!(live.samples().last().is_some_and(|sample| sample.forces[1].y > 1.0 && sample.forces[0].y < 0.2));
+    // After a pause each device begins where it was.
+    let arrived = |tool: &ToolReport| (tool.device.position.y - goals[1].pose().0.y).abs() < 1e-4;
+    until(&mut live, |snapshot| snapshot.row.as_ref().is_some_and(|row| row.tools().nth(1).is_some_and(arrived)));
+    live.link().tell(Command::Pause);
+    until(&mut live, |snapshot| snapshot.state == State::Paused);
+    live.link().tell(Command::Step);
+    live.link().tell(Command::Pause);
+    until(&mut live, |snapshot| snapshot.state == State::Running && runs(snapshot) && forces(snapshot)[1] > 1.0);
+    assert!((goals[1].pose().0.y - 0.0061).abs() < 1e-3, "place of the goal: {} m", goals[1].pose().0);
+    live.link().tell(Command::Record);
+    let is_recording = |snapshot: &Snapshot| matches!(snapshot.state, State::Recording(_));
+    until(&mut live, |snapshot| is_recording(snapshot) && runs(snapshot));
+    goals[0].shift(DVec3::Y * -0.004);
+    until(&mut live, |snapshot| is_recording(snapshot) && forces(snapshot)[0] > 0.5);
+    assert!(live.quit());
+    assert_eq!(live.sessions().map(|reports| reports.len()).collect::<Vec<_>>(), [2, 2, 2]);
+
+    let recorded = palpate_devices::record::Recorded::open(&folder.path().join("scene-1.palpate")).unwrap();
+    let leaders = recorded.header.leaders.iter().map(|leader| (leader.tool.as_str(), leader.device.as_str()));
+    assert_eq!(leaders.collect::<Vec<_>>(), [("left", "mouse"), ("right", "mouse")]);
+    let mut again = simulation_of(folder.path(), TWO_TOOLS);
+    let mut most = [0.0_f64; 2];
+    for entry in recorded {
+        if let palpate_devices::record::Entry::Step(step) = entry.unwrap() {
+            again.step_device_inputs(&step.inputs, step.h).unwrap();
+            assert!(again.last_wrenches().eq(step.wrenches.iter().map(Some)), "a replayed wrench differs");
+            most.iter_mut().zip(&step.wrenches).for_each(|(most, felt)| *most = most.max(felt.wrench.force.y));
+        }
+    }
+    assert!(most[0] > 0.5 && most[1] < 0.2, "greatest forces of the recording, N: {most:?}");
 }

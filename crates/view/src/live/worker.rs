@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use palpate::internal::prepare::bodies::Bodies;
 use palpate::internal::step::DeviceInput;
+use palpate::internal::step::tool::Tool;
 use palpate::{Error, Result, Scene, Simulation, StepReport};
 
 use super::snapshot::{self, LoopState, Out, Snapshot, State};
@@ -24,8 +25,8 @@ pub(super) struct Worker {
     pub folder: PathBuf,
     pub out: Out,
     pub snapshot: Snapshot,
-    /// Inputs of the last step of a session: pose and twist of haptic device and tool.
-    pub last_input: Option<DeviceInput>,
+    /// Inputs of the last step of a session: pose and twist of each haptic device and its tool.
+    pub last_inputs: Vec<DeviceInput>,
     /// The next task, once one is requested; the present task then ends.
     pub next: Option<Next>,
     watch: Watch,
@@ -68,7 +69,7 @@ impl Worker {
             folder,
             out,
             snapshot: Snapshot::default(),
-            last_input: None,
+            last_inputs: Vec::new(),
             next: None,
             watch,
             turns,
@@ -117,7 +118,7 @@ impl Worker {
         self.set_state(record.as_ref().map_or(State::Running, |file| State::Recording(file.clone())));
         let done = match self.lead {
             Lead::Script => self.drive(),
-            Lead::Device { .. } => self.hold(record),
+            Lead::Devices(_) => self.hold(record),
         };
         self.turns.rest();
         done
@@ -165,8 +166,8 @@ impl Worker {
         self.out.out.write(self.snapshot.clone());
     }
 
-    pub fn set_loop(&mut self, state: Option<LoopState>) {
-        self.snapshot.haptics = state;
+    pub fn set_loops(&mut self, states: Vec<LoopState>) {
+        self.snapshot.haptics = states;
     }
 
     fn set_state(&mut self, state: State) {
@@ -175,7 +176,7 @@ impl Worker {
     }
 
     fn show_settings(&mut self) {
-        let is_held = matches!(self.lead, Lead::Device { .. });
+        let is_held = matches!(self.lead, Lead::Devices(_));
         self.snapshot.settings = Arc::new(snapshot::settings(&self.simulation, is_held));
         let probes = self.simulation.scene().probes.iter().map(|probe| probe.name.clone()).collect();
         self.snapshot.probes = Arc::new(probes);
@@ -214,7 +215,7 @@ impl Worker {
 
     /// Publishes this state and executes commands, until another task is requested.
     fn rest(&mut self, state: State) {
-        self.set_loop(None);
+        self.set_loops(Vec::new());
         self.set_state(state);
         while self.next.is_none() {
             match self.commands.recv() {
@@ -265,7 +266,7 @@ impl Worker {
             Command::Material(body, index, material) => self.simulation.set_material(body, index, material),
             Command::Contact(law) => self.simulation.set_contact(&law),
             Command::Coupling(coupling) => {
-                if matches!(self.lead, Lead::Device { .. }) && self.snapshot.state == State::Running {
+                if matches!(self.lead, Lead::Devices(_)) && self.snapshot.state == State::Running {
                     self.next = Some(Next::Run);
                 }
                 self.simulation.set_coupling(Some(coupling))
@@ -285,17 +286,21 @@ impl Worker {
         self.show_settings();
     }
 
-    /// Does a single step while the simulation is paused, with the last inputs from the device.
+    /// Does a single step while the simulation is paused, with the last inputs from the devices.
     fn step_once(&mut self) {
         let h = self.simulation.scene().step.dt;
-        let input = self.simulation.tool().map(|tool| {
+        let input = |(index, tool): (usize, &Tool)| {
             let own = tool.state();
             let (coupling, max_force) = (tool.coupling, f64::INFINITY);
             let first = DeviceInput { ticks: 0, time: 0.0, device: own, tool: own, coupling, max_force };
-            DeviceInput { tool: own, ..self.last_input.unwrap_or(first) }
-        });
-        let row = match (&self.lead, input) {
-            (Lead::Device { .. }, Some(input)) => self.in_turn(|simulation| simulation.step_device_input(&input, h)),
+            DeviceInput { tool: own, ..self.last_inputs.get(index).copied().unwrap_or(first) }
+        };
+        let led = self.last_inputs.len().max(1);
+        let inputs: Vec<DeviceInput> = self.simulation.tools().take(led).enumerate().map(input).collect();
+        let row = match &self.lead {
+            Lead::Devices(_) if !inputs.is_empty() => {
+                self.in_turn(|simulation| simulation.step_device_inputs(&inputs, h))
+            }
             _ => self.in_turn(Simulation::step),
         };
         let state = match row.and_then(|row| self.found(&row)) {
@@ -306,14 +311,19 @@ impl Worker {
     }
 
     fn reset(&mut self) -> Result<()> {
-        self.last_input = None;
+        self.last_inputs.clear();
         self.snapshot.row = None;
         let turns = self.turns.clone();
         let _turn = turns.step();
         self.simulation.restore(&self.first)?;
+        self.couple();
+        Ok(())
+    }
+
+    /// Gives the tools the couplings of the scene.
+    pub fn couple(&mut self) {
         let coupling = self.simulation.scene().coupling;
         self.simulation.couple(coupling);
-        Ok(())
     }
 
     /// Records a session from the state before the first step, without changes by commands, so that a replay with the
@@ -349,7 +359,8 @@ impl Worker {
         self.simulation = simulation;
         self.snapshot.generation += 1;
         self.snapshot.stages.clear();
-        (self.snapshot.row, self.last_input, self.is_changed) = (None, None, false);
+        self.last_inputs.clear();
+        (self.snapshot.row, self.is_changed) = (None, false);
         self.show_settings();
         Ok(())
     }
