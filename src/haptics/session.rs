@@ -45,7 +45,7 @@ pub struct Options {
 /// A record of a session. The steps come in their order, and so do the ticks of each loop.
 #[derive(Debug, Clone, Copy)]
 pub enum Moment<'a> {
-    /// A line that the user should read. Notes are recorded as soon as the device is open and the loop has started.
+    /// A line that the user should read. Notes are recorded as soon as all devices are open and all loops have started.
     Note(&'a str),
     /// Settings and tool of a loop at its beginning, with the index of its tool.
     Begin(usize, &'a Settings, &'a Tool),
@@ -203,9 +203,10 @@ pub fn hold_each(
             let why = format!("the loop has no elevated priority ({reason})");
             notes.push(format!("{}{why}: allow real-time scheduling for fewer late ticks", before_notes(&tool)));
         }
-        notes.iter().try_for_each(|note| record(Moment::Note(note)))?;
         session.loops.push(Loop::new(thread, tool, profile, notes, &settings));
     }
+    let mut notes = session.loops.iter().flat_map(|one| &one.report.notes);
+    notes.try_for_each(|note| record(Moment::Note(note)))?;
     if let Some((_, wrenches)) = first.steps.last() {
         session.give(wrenches);
     }

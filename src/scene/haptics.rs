@@ -73,6 +73,9 @@ pub struct HaplyService {
     pub trust_remote: bool,
     /// Id of the device; `None`: the first device of the service.
     pub device_id: Option<String>,
+    /// Id of the grip (the handle) whose orientation and buttons count, or [`HaplyService::NO_GRIP`]; `None`: the first
+    /// grip of the service that is awake.
+    pub grip: Option<String>,
     /// Format of the forces sent; `None`: the format that the service's version requires, and [`Dialect::Vector`] if
     /// the service reports no version.
     pub dialect: Option<Dialect>,
@@ -80,8 +83,14 @@ pub struct HaplyService {
 
 impl Default for HaplyService {
     fn default() -> HaplyService {
-        HaplyService { url: "ws://localhost:10001".into(), trust_remote: false, device_id: None, dialect: None }
+        let url = "ws://localhost:10001".into();
+        HaplyService { url, trust_remote: false, device_id: None, grip: None, dialect: None }
     }
+}
+
+impl HaplyService {
+    /// Stands for the id of a grip where none counts.
+    pub const NO_GRIP: &'static str = "none";
 }
 
 /// The JSON key under which the service of a Haply device expects forces in a message.
@@ -295,6 +304,7 @@ fn haply(value: &Value) -> Result<HaplyService> {
         url: table.or("address", default.url.clone(), text)?,
         trust_remote: table.or("trust_remote", default.trust_remote, Value::truth)?,
         device_id: table.option("device_id", text)?,
+        grip: table.option("grip", text)?,
         dialect: table.option("force_key", |value| value.one_of("force key", &dialects))?,
     })
 }

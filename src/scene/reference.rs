@@ -768,6 +768,12 @@ pub const HAPLY: TableKeys = TableKeys {
         key("trust_remote", "true or false", "false", "Whether the service may be on another machine."),
         key("device_id", "text", "(the first device)", "Id of the device."),
         key(
+            "grip",
+            "text",
+            "(the first grip that is awake)",
+            "Id of the grip whose orientation and buttons count; `\"none\"`: no grip. Of several Haply each names its own.",
+        ),
+        key(
             "force_key",
             "`\"vector\"` or `\"values\"`",
             "(by the service's version)",

@@ -85,6 +85,13 @@ impl Scene {
         Some(Leader { index, tool: name, haptics: haptics.clone().unwrap_or_default(), trajectory, key })
     }
 
+    /// Names of the tools, in the scene's order.
+    #[doc(hidden)]
+    pub fn tool_names(&self) -> impl Iterator<Item = &str> {
+        let first = self.tool.iter().map(|tool| tool.name.as_str());
+        first.chain(self.further_tools.iter().map(|tool| tool.name.as_str()))
+    }
+
     /// Number of tools that haptic devices lead in a session: all up to the last one that has settings of a device.
     pub fn held_tools(&self) -> usize {
         self.further_tools.iter().rposition(|tool| tool.haptics.is_some()).map_or(1, |last| last + 2)

@@ -87,7 +87,7 @@ pub struct palpate_haptic_device {
     pub close: Option<unsafe extern "C" fn(user: *mut c_void)>,
     /// Name of the profile, which holds the limits of the device: "scripted", "premium", "touch", "omega.x", "delta.6",
     /// "sigma.7", "falcon", "inverse3", "minverse" or "mouse" (docs/reference/scene.md). Null: the scene's
-    /// `haptics.profile`.
+    /// `haptics.profile`, for a tool after the first that of the tool.
     pub profile: *const c_char,
 }
 
@@ -129,12 +129,12 @@ pub(super) struct Callbacks {
 unsafe impl Send for Callbacks {}
 
 impl Callbacks {
-    /// Checks the caller's struct `calls`, which messages call `name`. The profile of the scene's settings `haptics` is
-    /// taken where the struct names none.
+    /// Checks the caller's struct `calls`, which messages call `name`. The profile of the scene's settings `haptics`, whose
+    /// key is `key`, is taken where the struct names none.
     ///
     /// # Safety
     /// The conditions of the header for a `palpate_haptic_device` hold for `calls`.
-    pub unsafe fn new(calls: palpate_haptic_device, name: &str, haptics: &Haptics) -> Outcome<Callbacks> {
+    pub unsafe fn new(calls: palpate_haptic_device, name: &str, haptics: &Haptics, key: &str) -> Outcome<Callbacks> {
         let null =
             |what: &str| Failure::new(palpate_status::Null, format!("{name}.{what} is null, but it is required"));
         if calls.reserved != 0 {
@@ -148,7 +148,7 @@ impl Callbacks {
         let profile = match (calls.profile.is_null(), haptics.profile) {
             (true, Some(profile)) => profile,
             (true, None) => {
-                return Err(wrong(format!("{name}.profile is null, and the scene has no haptics.profile")));
+                return Err(wrong(format!("{name}.profile is null, and the scene has no {key}.profile")));
             }
             (false, _) => {
                 let key = format!("{name}.profile");

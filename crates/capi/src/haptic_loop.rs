@@ -140,7 +140,7 @@ impl Loop {
     fn of_tool<T>(&self, tool: u32, read: impl FnOnce(&Led) -> T) -> Outcome<T> {
         let facts = self.told.lock();
         let missing = || {
-            let problem = format!("tool is {tool}, but the loop leads {} tools, counted from 0", facts.led.len());
+            let problem = format!("tool is {tool}, and the loop leads {} of them, counted from 0", facts.led.len());
             Failure::new(palpate_status::Argument, problem)
         };
         facts.led.get(tool as usize).map(read).ok_or_else(missing)
@@ -270,7 +270,7 @@ unsafe fn start(simulation: *mut palpate_simulation, led: &[Asked], the_loop: &m
             let Asked { device, options, device_name, options_name } = asked;
             let haptics = chosen(options, options_name, &given.haptics)?;
             // SAFETY: the caller keeps the conditions under `# Safety`.
-            let device = unsafe { Callbacks::new(*device, device_name, &given.haptics)? };
+            let device = unsafe { Callbacks::new(*device, device_name, &given.haptics, &given.key)? };
             Ok(Leader { name: given.tool.into(), device: Box::new(device), tool: (*tool).clone(), haptics })
         };
         let leaders = led.iter().zip(&tools).enumerate().map(leader).collect::<Outcome<Vec<Leader>>>()?;

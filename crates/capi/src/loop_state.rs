@@ -64,8 +64,8 @@ pub const PALPATE_EVENT_UNPAID: u32 = 65536;
 /// are rare, because each update searches a whole histogram.
 const QUANTILE_EVERY: u64 = 1000;
 
-/// State of a haptic loop; where several devices lead tools, that of one of them. It is updated after each step of the simulation, so its values about ticks are at most one
-/// step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
+/// State of a haptic loop; where several devices lead tools, that of one of them. It is updated after each step of the
+/// simulation, so its values about ticks are at most one step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
 /// orientations of the poses, which are the identity.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
@@ -75,7 +75,7 @@ pub struct palpate_loop_state {
     /// 1: the loop runs; 0: the loop has ended, and the haptic device is closed.
     pub is_running: u32,
     /// Status with which the loop failed; PALPATE_STATUS_OK if it has not failed. A haptic device that is lost (cannot
-    /// be read or written) for 5 s ends the loop, but this is no failure.
+    /// be read or written) for 5 s, of several all of them, ends the loop, but this is no failure.
     pub status: palpate_status,
     /// Number of notes (lines of text about the loop) that `palpate_loop_note` can read.
     pub notes: u32,
@@ -286,7 +286,7 @@ impl Told {
                 facts.notes.push(note.into());
                 let count = facts.notes.len() as u32;
                 facts.states().for_each(|state| state.notes = count);
-                // The session reports its first note after it has opened the haptic devices.
+                // The session reports its first note when the haptic devices are open and the loops run.
                 facts.has_begun = true;
                 self.changed.notify_all();
             }

@@ -798,12 +798,12 @@ typedef struct palpate_haptic_device {
     void (*close)(void *user);
     // Name of the profile, which holds the limits of the device: "scripted", "premium", "touch", "omega.x", "delta.6",
     // "sigma.7", "falcon", "inverse3", "minverse" or "mouse" (docs/reference/scene.md). Null: the scene's
-    // `haptics.profile`.
+    // `haptics.profile`, for a tool after the first that of the tool.
     const char *profile;
 } palpate_haptic_device;
 
 // Options of a haptic loop. Unless its description says otherwise, a field that is 0 leaves the option at its value in
-// the scene's table `[haptics]`, or, if the scene does not set the option, at the default of that table.
+// the scene's table `[haptics]`, for a tool after the first in the table `haptics` of the tool, or, if the scene does not set the option, at the default of that table.
 typedef struct palpate_loop_options {
     // Size of the struct in bytes: sizeof(palpate_loop_options).
     uint32_t size;
@@ -840,8 +840,8 @@ typedef struct palpate_loop_options {
     double longest_step;
 } palpate_loop_options;
 
-// State of a haptic loop; where several devices lead tools, that of one of them. It is updated after each step of the simulation, so its values about ticks are at most one
-// step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
+// State of a haptic loop; where several devices lead tools, that of one of them. It is updated after each step of the
+// simulation, so its values about ticks are at most one step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
 // orientations of the poses, which are the identity.
 typedef struct palpate_loop_state {
     // Size of the struct in bytes: sizeof(palpate_loop_state).
@@ -849,7 +849,7 @@ typedef struct palpate_loop_state {
     // 1: the loop runs; 0: the loop has ended, and the haptic device is closed.
     uint32_t is_running;
     // Status with which the loop failed; PALPATE_STATUS_OK if it has not failed. A haptic device that is lost (cannot
-    // be read or written) for 5 s ends the loop, but this is no failure.
+    // be read or written) for 5 s, of several all of them, ends the loop, but this is no failure.
     palpate_status status;
     // Number of notes (lines of text about the loop) that `palpate_loop_note` can read.
     uint32_t notes;

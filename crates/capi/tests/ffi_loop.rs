@@ -313,10 +313,12 @@ fn each_of_two_tools_is_led_by_a_device_of_its_own() {
     let mut wrong = options;
     wrong[1].rate = 1.0;
     let unable = [devices[0], palpate_haptic_device { read: None, ..devices[1] }];
+    let unnamed = [devices[0], palpate_haptic_device { profile: null(), ..devices[1] }];
     refused(start(&devices, null(), 0), Argument, "count is 0");
     refused(start(&[devices[0]; 3], null(), 3), Argument, "count is 3, but the scene has 2 tools");
     refused(start(&devices, wrong.as_ptr(), 2), Argument, "options[1].rate is 1");
     refused(start(&unable, null(), 2), Null, "devices[1].read is null");
+    refused(start(&unnamed, null(), 2), Argument, "and the scene has no tool.right.haptics.profile");
     hands[1].wish(Wish::FailToOpen);
     refused(start(&devices, null(), 2), palpate_status::NoDevice, "right: the haptic device is lost");
     assert_eq!([0, 1].map(|k: usize| hands[k].facts().closed), [1, 0]);
@@ -350,9 +352,9 @@ fn each_of_two_tools_is_led_by_a_device_of_its_own() {
     }
     // SAFETY (both blocks): the output pointers lead to live local variables; the library checks handles.
     let state = unsafe { palpate_loop_read_tool(the_loop, 2, &mut zeroed()) };
-    refused(state, Argument, "tool is 2, but the loop leads 2 tools");
+    refused(state, Argument, "tool is 2, and the loop leads 2 of them");
     let wrench = unsafe { palpate_loop_wrench_tool(the_loop, 2, &mut wrench(), null_mut()) };
-    refused(wrench, Argument, "tool is 2, but the loop leads 2 tools");
+    refused(wrench, Argument, "tool is 2, and the loop leads 2 of them");
     ok(palpate_loop_destroy(the_loop));
     ok(step(simulation));
     ok(palpate_simulation_destroy(simulation));

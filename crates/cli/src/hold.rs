@@ -13,7 +13,7 @@ use palpate::internal::step::tool::Tool;
 use palpate::internal::step::trajectory::Trajectory;
 use palpate::internal::step::{ContactWrench, DeviceInput};
 use palpate::scene::profile::PROFILES;
-use palpate::scene::{DeviceKind, Haptics, Key, Leader, Profile};
+use palpate::scene::{DeviceKind, HaplyService, Haptics, Key, Leader, Profile};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
 use palpate_devices::record::{self, Header, Outcome, Recording};
 use palpate_devices::{ForceDimension, Hand, Haply, Replay, Scripted, SpaceMouse, Touch, haply, vendor};
@@ -63,10 +63,12 @@ fn leader_of(scene: &Scene, index: usize) -> Result<Leader<'_>> {
     scene.leader(index).ok_or_else(missing)
 }
 
-/// Makes a haptic device of a scene; it begins at the pose `start`.
-fn device_of(scene: &Scene, leader: &Leader, start: Key) -> Result<Box<dyn Device>> {
+/// Makes a haptic device of a scene; it begins at the pose `start` or, if it follows keys, where they are at the time
+/// `elapsed`, s.
+fn device_of(scene: &Scene, leader: &Leader, elapsed: f64, start: Key) -> Result<Box<dyn Device>> {
     let haptics = &leader.haptics;
-    let trajectory = Trajectory::new(leader.trajectory, start);
+    let keys: Vec<Key> = leader.trajectory.iter().map(|key| Key { time: key.time - elapsed, ..*key }).collect();
+    let trajectory = Trajectory::new(&keys, start);
     let wrong = |key: &str, problem: &str, remedy: &str| {
         Error::key(&scene.file, format!("{}.{key}", leader.key), problem, remedy)
     };
@@ -236,14 +238,15 @@ pub fn hold(
 pub fn leaders(simulation: &Simulation, scene: &Scene) -> Result<Vec<session::Leader>> {
     let start = |tool: &Tool| Key { time: 0.0, position: tool.centre, orientation: tool.orientation };
     let devices = simulation.tools().take(scene.held_tools()).map(|tool| (start(tool), None));
-    leaders_with(simulation, scene, devices.collect())
+    leaders_with(simulation, scene, 0.0, devices.collect())
 }
 
 /// Like [`leaders`], for as many tools as `devices` has elements: for each the pose at which its device begins, and the
-/// device if it is not one of the scene.
+/// device if it is not one of the scene. `elapsed`: time of the scene's keys at which the session begins, s.
 pub fn leaders_with(
     simulation: &Simulation,
     scene: &Scene,
+    elapsed: f64,
     devices: Vec<(Key, Option<Box<dyn Device>>)>,
 ) -> Result<Vec<session::Leader>> {
     let described: Vec<_> = (0..devices.len()).map(|index| leader_of(scene, index)).collect::<Result<_>>()?;
@@ -252,29 +255,38 @@ pub fn leaders_with(
     for (index, leader) in of_scene.iter().enumerate() {
         if let Some(other) = of_scene[..index].iter().find(|other| !are_apart(&other.haptics, &leader.haptics)) {
             let remedy = match leader.haptics.device {
-                DeviceKind::Touch | DeviceKind::ForceDimension => "give one of them another kind of device",
-                DeviceKind::Haply => "give each a `device_id` of its own in `haply`",
+                DeviceKind::Haply => "give each a `device_id` and a `grip` of its own in `haply` (`\"none\"`: no grip)",
                 _ => "give each a `unit` of its own",
             };
-            let problem = format!("may be the device of {}", other.tool);
+            let or_grip = if leader.haptics.device == DeviceKind::Haply { ", or have its grip" } else { "" };
+            let problem = format!("may be the device of {}{or_grip}", other.tool);
             return Err(Error::key(&scene.file, format!("{}.device", leader.key), problem, remedy));
         }
     }
+    let is_one_of_several = devices.len() > 1;
     let make = |((leader, (start, own)), tool): ((Leader, (Key, Option<_>)), &Tool)| {
-        let device = own.map_or_else(|| device_of(scene, &leader, start), Ok)?;
+        let device =
+            own.map_or_else(|| device_of(scene, &leader, elapsed, start), Ok).map_err(|error| match error {
+                Error::NoDevice(why) if is_one_of_several => Error::NoDevice(format!("{}: {why}", leader.tool)),
+                error => error,
+            })?;
         Ok(session::Leader { name: leader.tool.into(), device, tool: tool.clone(), haptics: leader.haptics })
     };
     described.into_iter().zip(devices).zip(simulation.tools()).map(make).collect()
 }
 
-/// Whether two settings are of different devices, which can be held at the same time. The drivers of Touch and Force
-/// Dimension hold one device in a program.
+/// Whether two settings are of different devices, which can be held at the same time.
 fn are_apart(a: &Haptics, b: &Haptics) -> bool {
     let differ = |a: &Option<String>, b: &Option<String>| a.is_some() && b.is_some() && a != b;
     match (a.device, b.device) {
-        (DeviceKind::Touch, DeviceKind::Touch) | (DeviceKind::ForceDimension, DeviceKind::ForceDimension) => false,
-        (DeviceKind::Haply, DeviceKind::Haply) => differ(&a.haply.device_id, &b.haply.device_id),
-        (DeviceKind::SpaceMouse, DeviceKind::SpaceMouse) => differ(&a.unit, &b.unit),
+        (DeviceKind::Haply, DeviceKind::Haply) => {
+            let [a, b] = [&a.haply, &b.haply];
+            let without = |grip: &Option<String>| grip.as_deref() == Some(HaplyService::NO_GRIP);
+            differ(&a.device_id, &b.device_id) && (differ(&a.grip, &b.grip) || without(&a.grip) || without(&b.grip))
+        }
+        (DeviceKind::Touch, DeviceKind::Touch)
+        | (DeviceKind::ForceDimension, DeviceKind::ForceDimension)
+        | (DeviceKind::SpaceMouse, DeviceKind::SpaceMouse) => differ(&a.unit, &b.unit),
         _ => true,
     }
 }

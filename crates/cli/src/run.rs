@@ -340,7 +340,7 @@ fn simulate(
         None => None,
     };
     let bar = progress(extent);
-    let mut tally = Tally::default();
+    let mut tally = Tally::new(names.further_tools.iter().cloned());
     let mut watch = |row: &StepReport, simulation: &mut Simulation| {
         if let Some(trace) = &mut trace {
             trace.write(row).map_err(failed)?;
@@ -496,12 +496,15 @@ fn write_end(output: &mut Output, scene: &Scene, done: &Done) -> Result<()> {
 /// Makes the page of a run; `trace.csv`, from which the page's curves are made, is already written.
 fn page(output: &Output, scene: &Scene, done: &Done) -> Result<String> {
     let Done { tally, outcome, reports, played, nearest, interrupted, pictures } = done;
-    let trace = BufReader::new(output.read(TRACE)?);
+    let trace = || Ok::<_, Error>(BufReader::new(output.read(TRACE)?));
+    let unreadable = |error| output.unreadable(TRACE, &error);
+    let force = |(name, _): &(String, _)| curves::read_force(trace()?, name).map_err(unreadable);
     let page = Page {
         scene,
         facts: &outcome.facts,
         tally,
-        curves: &curves::read(trace, tally.touch.as_ref()).map_err(|error| output.unreadable(TRACE, &error))?,
+        curves: &curves::read(trace()?, tally.touch.as_ref()).map_err(unreadable)?,
+        further_forces: &tally.further_touches.iter().map(force).collect::<Result<Vec<_>>>()?,
         sessions: &reports
             .iter()
             .zip(played)

@@ -161,10 +161,11 @@ fn no_display(scene: &Path, error: &winit::error::EventLoopError) -> Error {
 }
 
 /// For each tool the pose that the mouse moves, if the mouse holds the tool: the first one if `name` on the command line
-/// is `mouse`, and each further one that has neither a haptic device nor keys.
+/// is `mouse`, and each further one that has no keys and, unless `name` is `mouse`, no haptic device.
 fn goals(scene: &Scene, name: &str) -> Vec<Option<Goal>> {
     let first = scene.tool.iter().map(|_| name == "mouse");
-    let is_free = |tool: &FurtherTool| name != "drive" && tool.haptics.is_none() && tool.trajectory.is_empty();
+    let has_device = |tool: &FurtherTool| name != "mouse" && tool.haptics.is_some();
+    let is_free = |tool: &FurtherTool| name != "drive" && !has_device(tool) && tool.trajectory.is_empty();
     first.chain(scene.further_tools.iter().map(is_free)).map(|is_held| is_held.then(Goal::default)).collect()
 }
 
@@ -174,10 +175,15 @@ fn lead(name: &str, goals: &[Option<Goal>], haptics: &Haptics) -> Lead {
     if name == "drive" {
         return Lead::Script;
     }
-    let (goals, haptics) = (goals.to_vec(), haptics.clone());
+    let (is_mouse, goals, haptics) = (name == "mouse", goals.to_vec(), haptics.clone());
     let make = move |simulation: &Simulation, starts: &[Key]| {
         // After a surface file is dropped onto the window, the new scene gets the haptic device that the user chose.
-        let scene = Scene { haptics: haptics.clone(), ..simulation.scene().clone() };
+        let mut scene = Scene { haptics: haptics.clone(), ..simulation.scene().clone() };
+        if is_mouse {
+            // No device is opened; those that follow keys do so all the same.
+            let further = scene.further_tools.iter_mut().filter_map(|tool| tool.haptics.as_mut());
+            further.for_each(|haptics| haptics.device = DeviceKind::Scripted);
+        }
         let held = goals.iter().rposition(Option::is_some).map_or(0, |last| last + 1).max(scene.held_tools());
         let device = |(start, goal): (&Key, &Option<Goal>)| {
             let mouse = goal.as_ref().map(|goal| {
@@ -186,8 +192,12 @@ fn lead(name: &str, goals: &[Option<Goal>], haptics: &Haptics) -> Lead {
             });
             (*start, mouse)
         };
-        let leaders =
-            hold::leaders_with(simulation, &scene, starts.iter().zip(&goals).take(held).map(device).collect())?;
+        let leaders = hold::leaders_with(
+            simulation,
+            &scene,
+            simulation.time(),
+            starts.iter().zip(&goals).take(held).map(device).collect(),
+        )?;
         let named = |(leader, goal): (session::Leader, &Option<Goal>)| {
             let device = if goal.is_some() { "mouse" } else { leader.haptics.device.name() };
             Held { device: device.into(), leader }

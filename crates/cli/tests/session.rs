@@ -149,14 +149,21 @@ fn two_devices_are_held_recorded_and_replayed() {
     assert_eq!(topics.iter().collect::<Vec<_>>(), names);
 
     // Two devices that may be one are refused.
-    for (device, remedy) in [
-        ("device = \"haply\"", "give each a `device_id` of its own"),
-        ("device = \"touch\"", "give one of them another kind"),
-        ("device = \"space-mouse\", unit = \"/dev/hidraw9\"", "give each a `unit` of its own"),
+    for (devices, remedy) in [
+        (["device = \"haply\""; 2], ", or have its grip; give each a `device_id` and a `grip` of its own"),
+        (
+            [
+                "device = \"haply\", haply = { device_id = \"1\" }",
+                "device = \"haply\", haply = { device_id = \"2\", grip = \"61548\" }",
+            ],
+            ", or have its grip; give each a `device_id` and a `grip` of its own",
+        ),
+        (["device = \"touch\", unit = \"Left Device\""; 2], "; give each a `unit` of its own"),
+        (["device = \"space-mouse\", unit = \"/dev/hidraw9\""; 2], "; give each a `unit` of its own"),
     ] {
-        fs::write(at("twice.toml"), two_devices([device, device])).unwrap();
+        fs::write(at("twice.toml"), two_devices(devices)).unwrap();
         let (status, _, error) = palpate(&["run", &at("twice.toml")]);
-        let words = format!("tool.aside.haptics.device`: may be the device of above; {remedy}");
+        let words = format!("tool.aside.haptics.device`: may be the device of above{remedy}");
         assert!(status == 2 && error.contains(&words), "{status}: {error}");
     }
 

@@ -27,8 +27,9 @@ use triple_buffer::{Input, Output, triple_buffer};
 use force_dimension::Dhd;
 use touch::OpenHaptics;
 
-/// A Touch, Touch X or Phantom of 3D Systems, through OpenHaptics (`libHD`); one at a time in a program, since the library
-/// has one scheduler. Its torque is not driven.
+/// A Touch, Touch X or Phantom of 3D Systems, through OpenHaptics (`libHD`). Its torque is not driven. All devices of a
+/// program share the library's scheduler, which stops for a moment whenever one of them is opened or closed; the others
+/// command no force then.
 pub type Touch = Vendor<OpenHaptics>;
 /// An omega, delta, sigma or lambda of Force Dimension, or a Novint Falcon, through Force Dimension's SDK (`libdrd`).
 /// Its gripper is not driven. The SDK's gravity compensation stays on: besides the commanded wrench it carries the

@@ -9,7 +9,7 @@ use palpate::internal::step::Field;
 use palpate::{Context, Result};
 
 use super::look::map;
-use super::moment::{Felt, Moment};
+use super::moment::{Moment, ShownTool};
 use super::overlay::Overlay;
 use super::painter::{Atlas, Painter};
 use super::renderer::Legend;
@@ -121,7 +121,7 @@ fn arrows(moment: &Moment, legend: &Legend) -> Vec<Line> {
         let longest = if high > 0.0 { format!(" (longest arrow {})", with_unit(high, unit)) } else { String::new() };
         Line { swatch: None, ink, text: format!("{name} {}{longest}", with_unit(x, unit)) }
     };
-    let of_tool = |Felt { name, wrench, .. }: &Felt| {
+    let of_tool = |ShownTool { name, wrench, .. }: &ShownTool| {
         let of = if moment.tools.len() > 1 { format!("{name}: ") } else { String::new() };
         let (red, blue) = (Color32::from_rgb(200, 50, 40), Color32::from_rgb(70, 80, 190));
         [

@@ -16,7 +16,7 @@ pub struct Moment {
     /// What is shown besides the skins (the bodies' surface meshes).
     pub shown: Overlays,
     /// The tools (the rigid bodies that haptic devices lead), in the scene's order.
-    pub tools: Vec<Felt>,
+    pub tools: Vec<ShownTool>,
     /// Positions of the haptic devices that hold the tools, m; set by a caller that knows them, for the first tools.
     pub devices: Vec<DVec3>,
     /// Text in the image's upper left corner, such as the simulated time from [`clock`]; set by a caller that wants a
@@ -36,9 +36,9 @@ pub struct Moment {
     pub(super) materials: Vec<Coloured>,
 }
 
-/// A tool and what it touches with.
+/// A tool with the wrench of its contacts.
 #[derive(Debug, Clone)]
-pub struct Felt {
+pub struct ShownTool {
     /// Name of the tool.
     pub name: String,
     /// Position of the tool, m.
@@ -82,12 +82,13 @@ impl Moment {
         }
         let contact_patches =
             if shown.has(Overlay::ContactPatches) { simulation.contact_patch_rectangles()? } else { Vec::new() };
-        let felt = |(index, (tool, wrench)): (usize, (&Tool, Option<&ContactWrench>))| Felt {
-            name: simulation.scene().leader(index).map_or(String::new(), |leader| leader.tool.into()),
+        let shown_tool = |((name, tool), wrench): ((&str, &Tool), Option<&ContactWrench>)| ShownTool {
+            name: name.into(),
             centre: tool.centre,
             wrench: wrench.map_or(Wrench::ZERO, |felt| felt.wrench),
         };
-        let tools: Vec<Felt> = simulation.tools().zip(simulation.last_wrenches()).enumerate().map(felt).collect();
+        let named = simulation.scene().tool_names().zip(simulation.tools());
+        let tools: Vec<ShownTool> = named.zip(simulation.last_wrenches()).map(shown_tool).collect();
         let tool = tools.first().map(|tool| tool.centre);
         let frames = (0..simulation.bodies().len()).map(|body| simulation.frames(body).first().map(|p| p.centre));
         Ok(Moment {

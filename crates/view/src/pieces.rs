@@ -12,7 +12,7 @@ use palpate::{Context, Result, Wrench};
 
 use super::look::{Look, Material, flags};
 use super::marks::Marks;
-use super::moment::{Felt, Moment};
+use super::moment::{Moment, ShownTool};
 use super::overlay::Overlay;
 use super::parts::Part;
 use super::renderer::Legend;
@@ -176,7 +176,7 @@ impl Source<'_> {
         let Moment { tools, devices, shown, contact_patches, .. } = self.moment;
         let mut marks = Marks::new(self.origin);
         let mut made = Vec::new();
-        for Felt { centre, wrench, .. } in tools.iter().filter(|_| shown.has(Overlay::Arrows)) {
+        for ShownTool { centre, wrench, .. } in tools.iter().filter(|_| shown.has(Overlay::Arrows)) {
             let Wrench { force, torque } = wrench;
             for (vector, high, colour) in [(force, self.legend.force, FORCE), (torque, self.legend.torque, TORQUE)] {
                 if high > 0.0 {

@@ -72,7 +72,20 @@ int main(int argc, char **argv) {
         while (third.state(0).peak_force < 0.04 && third.ended().empty()) {
             std::this_thread::sleep_for(std::chrono::milliseconds(5));
         }
-        is_right = is_right && third.wrench(&age, 0).step > 1 && third.state(0).peak_force < 0.0501;
+        const double peak = third.state(0).peak_force;
+        is_right = is_right && third.wrench(&age, 0).step > 1 && peak >= 0.04 && peak < 0.0501;
+        try {
+            third.wrench(&age, 1);
+            is_right = false;
+        } catch (const palpate::Error &error) {
+            is_right = is_right && error.status() == PALPATE_STATUS_ARGUMENT;
+        }
+        try {
+            third.state(1);
+            is_right = false;
+        } catch (const palpate::Error &error) {
+            is_right = is_right && error.status() == PALPATE_STATUS_ARGUMENT;
+        }
     }
     is_right = is_right && hand.is_closed && simulation.step().step > 2;
     const auto wrenches = simulation.step_tools({simulation.newest(&age).device});

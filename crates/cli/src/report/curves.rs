@@ -55,6 +55,24 @@ pub fn read(trace: impl Read, touch: Option<&Touch>) -> Result<Curves, csv::Erro
     Ok(curves)
 }
 
+/// Reads the contact force (N) over time (s) on a tool after the first from the text of `trace.csv`.
+pub fn read_force(trace: impl Read, tool: &str) -> Result<Reduced<1>, csv::Error> {
+    let mut reader = csv::Reader::from_reader(trace);
+    let heads = reader.headers()?.clone();
+    let column = |name: &str| heads.iter().position(|head| head == name);
+    let number = |row: &csv::StringRecord, at: Option<usize>| {
+        at.and_then(|at| row.get(at)).and_then(|cell| cell.parse().ok()).unwrap_or(f64::NAN)
+    };
+    let time = column("time_s");
+    let force = ["x", "y", "z"].map(|axis| column(&format!("{tool}:force_{axis}")));
+    let mut curve = Reduced::default();
+    for row in reader.records() {
+        let row = row?;
+        curve.add(number(&row, time), [DVec3::from(force.map(|at| number(&row, at))).length()]);
+    }
+    Ok(curve)
+}
+
 #[cfg(test)]
 mod tests {
     use palpate::{Pose, StepReport, ToolReport};
@@ -86,6 +104,16 @@ mod tests {
             pressed.len() == 2 && pressed[0] == (0.0, 1.0) && (pressed[1].0 - 5.0).abs() < 1e-12,
             "indentation in mm and force in N: two points expected, at 0 mm and 5 mm: {pressed:?}"
         );
+        let (names, mut bytes_of_two) = (Names { further_tools: vec!["right".into()], ..Names::default() }, Vec::new());
+        let mut trace = Trace::new(&mut bytes_of_two, &names).unwrap();
+        for (step, force) in [(1, DVec3::new(3.0, 0.0, 4.0)), (2, DVec3::Y)] {
+            let further_tools = vec![ToolReport { force, ..ToolReport::default() }];
+            let (tool, time) = (Some(ToolReport::default()), step as f64);
+            trace.write(&StepReport { step, time, tool, further_tools, ..Default::default() }).unwrap();
+        }
+        trace.finish().unwrap();
+        let right = read_force(bytes_of_two.as_slice(), "right").unwrap();
+        assert_eq!(right.over_time(0), [(1.0, 5.0), (2.0, 1.0)]);
         let without = read(bytes.as_slice(), None).unwrap();
         assert!(without.over_time(INDENTATION).is_empty());
     }

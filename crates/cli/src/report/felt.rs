@@ -105,7 +105,7 @@ pub struct Distance {
     pub is_of_surface: bool,
 }
 
-/// A sentence that says what was felt.
+/// A sentence that says what was felt, and one for each further tool.
 pub fn headline(tally: &Tally) -> String {
     let Some(touch) = &tally.touch else {
         let contacts = match tally.most_contacts {
@@ -115,13 +115,20 @@ pub fn headline(tally: &Tally) -> String {
         };
         return format!("The scene has no tool, so no force was felt; {contacts}.");
     };
+    let name = if tally.further_touches.is_empty() { "The tool" } else { "The first tool" };
+    let further = tally.further_touches.iter().map(|(name, touch)| sentence(&format!("The tool {name}"), touch, tally));
+    [sentence(name, touch, tally)].into_iter().chain(further).collect::<Vec<_>>().join(" ")
+}
+
+/// A sentence that says what a tool felt.
+fn sentence(tool: &str, touch: &Touch, tally: &Tally) -> String {
     let felt = touch.felt();
     let (Some(first), Some(time), Some(depth)) = (felt.first_touch_s, felt.peak_time_s, felt.indentation_at_peak_m)
     else {
-        return "The tool never touched anything.".into();
+        return format!("{tool} never touched anything.");
     };
     format!(
-        "The tool felt at most {} N, at {} s, with an indentation of {} mm since its first touch at {} s; it was in \
+        "{tool} felt at most {} N, at {} s, with an indentation of {} mm since its first touch at {} s; it was in \
          contact in {} of {} {}.",
         newtons(felt.peak_force_n),
         seconds(time),
@@ -135,6 +142,9 @@ pub fn headline(tally: &Tally) -> String {
 
 /// How the user makes the tool of a scene touch a body.
 pub fn advice(scene: &Scene) -> &'static str {
+    if !scene.further_tools.is_empty() && !scene.haptics.device.is_real() {
+        return "Give the tools keys in `drive` that lead them into a body, or place their bodies elsewhere.";
+    }
     match (scene.haptics.device, scene.trajectory.is_empty()) {
         (device, _) if device.is_real() => {
             "Move the device so that the tool meets a body, or place the tool nearer to one."
@@ -147,14 +157,18 @@ pub fn advice(scene: &Scene) -> &'static str {
     }
 }
 
-/// What to tell the user if the tool never touched anything: how far away it was, and the `advice` for the scene.
-/// `None` if the tool touched something, or if there is no tool.
+/// What to tell the user if no tool ever touched anything: how far away the first was, and the `advice` for the scene.
+/// `None` if a tool touched something, or if there is none.
 pub fn remedy(tally: &Tally, advice: &str, nearest: Option<&Distance>) -> Option<String> {
-    tally.touch.as_ref().filter(|touch| touch.first.is_none())?;
+    let mut all = tally.touch.iter().chain(tally.further_touches.iter().map(|(_, touch)| touch));
+    if tally.touch.is_none() || all.any(|touch| touch.first.is_some()) {
+        return None;
+    }
+    let which = if tally.further_touches.is_empty() { "the tool" } else { "the first tool" };
     let away = nearest.map_or(String::new(), |Distance { body, distance, is_of_surface }| {
         let what = if *is_of_surface { "surface" } else { "centre" };
         format!(
-            "At the end the tool's {what} was {} mm from {body}, the nearest soft body or plane. ",
+            "At the end {which}'s {what} was {} mm from {body}, the nearest soft body or plane. ",
             millimetres(*distance)
         )
     });
@@ -209,6 +223,17 @@ mod tests {
                         touch at 0.2 s; it was in contact in 3 of 6 steps.";
         assert_eq!(headline(&tally), expected);
         assert_eq!(remedy(&tally, "", None), None);
+    }
+
+    #[test]
+    fn each_of_several_tools_has_a_sentence() {
+        let mut tally = Tally::new(["right".to_owned()].into_iter());
+        let [tool, further] = [0.0, 2.0].map(|y| ToolReport { force: DVec3::Y * y, ..ToolReport::default() });
+        tally.add(&StepReport { time: 0.5, tool: Some(tool), further_tools: vec![further], ..StepReport::default() });
+        let expected = "The first tool never touched anything. The tool right felt at most 2.0000 N, at 0.5 s, with an \
+                        indentation of 0.00 mm since its first touch at 0.5 s; it was in contact in 1 of 1 step.";
+        assert_eq!(headline(&tally), expected);
+        assert_eq!(remedy(&tally, "Press.", None), None);
     }
 
     #[test]

@@ -27,6 +27,8 @@ pub struct Page<'a> {
     pub tally: &'a Tally,
     /// The curves of force, indentation, contacts and iterations over the steps.
     pub curves: &'a Curves,
+    /// The force (N) over time (s) on each tool after the first, in the scene's order.
+    pub further_forces: &'a [Reduced<1>],
     /// What each haptic device of a session did; empty if the run had none.
     pub sessions: &'a [Session<'a>],
     /// How a signal cut the run short, in words.
@@ -154,6 +156,11 @@ impl Page<'_> {
             draw("Indentation over time", [time, of_depth], &curves.over_time(INDENTATION), peak.zip(depth))?;
             let at = depth.map(|depth| (depth, force));
             draw("Force over indentation", [of_depth, of_force], &curves.over(INDENTATION, FORCE), at)?;
+        }
+        for ((name, touch), force) in self.tally.further_touches.iter().zip(self.further_forces) {
+            let felt = touch.felt();
+            let at = felt.peak_time_s.map(|time| (time, felt.peak_force_n));
+            draw(&format!("Force on the tool {name} over time"), [time, of_force], &force.over_time(0), at)?;
         }
         if self.tally.most_contacts.is_some() {
             draw("Contacts over time", [time, "contacts"], &curves.over_time(CONTACTS), None)?;

@@ -80,8 +80,10 @@ const SLIDING: f64 = 1e-6;
 pub struct Tally {
     /// Number of steps done.
     pub steps: u64,
-    /// What the tool felt; `None` without a tool.
+    /// What the tool felt, of several tools the first; `None` without a tool.
     pub touch: Option<Touch>,
+    /// Names of the tools after the first, in the scene's order, each with what the tool felt.
+    pub further_touches: Vec<(String, Touch)>,
     /// Greatest number of contacts in the scene at once; `None` where nothing can collide.
     pub most_contacts: Option<u32>,
     /// Number of contacts in the scene at the end; `None` where nothing can collide.
@@ -104,12 +106,18 @@ pub struct Tally {
 }
 
 impl Tally {
+    /// A tally of no steps. `further_tools`: names of the tools after the first, in the scene's order.
+    pub fn new(further_tools: impl Iterator<Item = String>) -> Tally {
+        Tally { further_touches: further_tools.map(|name| (name, Touch::default())).collect(), ..Tally::default() }
+    }
+
     /// Adds a step report.
     pub fn add(&mut self, row: &StepReport) {
         self.steps += 1;
         if let Some(tool) = &row.tool {
             self.touch.get_or_insert_default().add(row, tool);
         }
+        self.further_touches.iter_mut().zip(&row.further_tools).for_each(|((_, touch), tool)| touch.add(row, tool));
         (self.most_contacts, self.last_contacts) = (self.most_contacts.max(row.contacts), row.contacts);
         let way = row.tool.as_ref().zip(self.last_tool).map(|(tool, last)| tool.tool.position.distance(last));
         if let Some(turn) = row.normal_turn {
@@ -172,6 +180,9 @@ pub struct Summary {
     pub peak_force_n: Option<f64>,
     /// What the tool felt; null without a tool.
     pub felt: Option<Felt>,
+    /// By name of the tool: the same for tools after the first; left out if there are none.
+    #[serde(skip_serializing_if = "Map::is_empty")]
+    pub further_felt: Map<String, Value>,
     /// Greatest angle by which a contact patch's normal turned in a step (`most_rad`), and greatest ratio of that angle
     /// to the distance that the tool moved in the step (`most_rad_per_mm`); null where nothing can collide.
     pub normal_turn: Value,
@@ -222,6 +233,11 @@ impl Summary {
             bytes_device: facts.bytes_device,
             peak_force_n: felt.as_ref().map(|felt| felt.peak_force_n),
             felt,
+            further_felt: tally
+                .further_touches
+                .iter()
+                .map(|(name, touch)| (name.clone(), json!(touch.felt())))
+                .collect(),
             normal_turn: json!({ "most_rad": tally.normal_turn, "most_rad_per_mm": tally.normal_turn_per_mm }),
             flags: Flags::ALL.iter().zip(tally.flags).map(|((_, name), n)| (name.to_string(), n.into())).collect(),
             files: told.map(|(name, report)| (name.clone(), json!(report))).collect(),
@@ -338,6 +354,19 @@ mod tests {
         assert_eq!(value["plan"]["recorded"], json!(["pose"]));
         assert_eq!(value["plan"]["reasons"], json!({ "pose": "one pair" }));
         assert_eq!(value["plan"]["left_out"], json!([{ "stage": "cull", "reason": "nothing collides" }]));
+    }
+
+    #[test]
+    fn each_further_tool_is_summed_up_under_its_name() {
+        let mut tally = Tally::new(["right".to_owned()].into_iter());
+        for (left, right) in [(3.0, 0.0), (1.0, 7.0)] {
+            let [tool, further] = [left, right].map(|y| ToolReport { force: DVec3::Y * y, ..Default::default() });
+            tally.add(&StepReport { tool: Some(tool), further_tools: vec![further], ..Default::default() });
+        }
+        let value = serde_json::to_value(Summary::new("two", 0.1, &Facts::default(), &tally)).unwrap();
+        assert_eq!(value["peak_force_n"], json!(3.0));
+        let right = &value["further_felt"]["right"];
+        assert_eq!((&right["peak_force_n"], &right["steps_in_contact"]), (&json!(7.0), &json!(1)));
     }
 
     #[test]

@@ -69,7 +69,7 @@ pub struct App {
     panel: Panel,
     frames: Frames,
     hand: Hand,
-    /// Names of the tools.
+    /// Names of the tools, as the simulation's thread has told them.
     tools: Vec<String>,
     /// Index of the tool that the mouse moves and whose force is plotted.
     chosen: usize,
@@ -89,7 +89,6 @@ impl App {
     pub fn new(events: &EventLoop<Said>, live: Live, context: Arc<Context>, setup: Setup) -> App {
         let camera = framed(&live);
         App {
-            tools: names(&setup.scene),
             setup,
             live,
             context,
@@ -101,6 +100,7 @@ impl App {
             panel: Panel::new(),
             frames: Frames::default(),
             hand: Hand::default(),
+            tools: Vec::new(),
             chosen: 0,
             camera,
             atlas: Atlas::default(),
@@ -160,8 +160,7 @@ impl App {
 
     /// Lays out the panel and orders a frame with it.
     fn order(&mut self) {
-        let (Some(window), Some(input), Some(drawing)) = (&self.window, &mut self.input, &self.drawing) else { return };
-        let size: [u32; 2] = window.inner_size().into();
+        let size = self.size();
         if size.contains(&0) {
             return;
         }
@@ -170,6 +169,11 @@ impl App {
         self.panel.take(self.live.samples());
         let delays = self.live.link().turns().delays();
         let snapshot = self.live.snapshot().clone();
+        if self.tools != snapshot.settings.tools {
+            self.choose(0);
+            self.tools.clone_from(&snapshot.settings.tools);
+        }
+        let (Some(window), Some(input), Some(drawing)) = (&self.window, &mut self.input, &self.drawing) else { return };
         let mut command = None;
         let output = self.egui.run_ui(input.take_egui_input(window), |ui| {
             let tool = self.tools.get(self.chosen).filter(|_| self.tools.len() > 1).map(String::as_str);
@@ -231,17 +235,19 @@ impl App {
         self.setup.goals.get(self.chosen).and_then(Option::as_ref)
     }
 
-    /// Chooses the next tool.
-    fn choose(&mut self) {
-        self.goal().into_iter().for_each(|goal| goal.press(false));
-        self.hand.let_go();
-        self.chosen = (self.chosen + 1) % self.tools.len().max(1);
+    /// Chooses a tool, if it is not the chosen one.
+    fn choose(&mut self, tool: usize) {
+        if tool != self.chosen {
+            self.goal().into_iter().for_each(|goal| goal.press(false));
+            self.hand.let_go();
+            self.chosen = tool;
+        }
     }
 
     fn key(&mut self, code: KeyCode, events: &ActiveEventLoop) {
         let link = self.live.link();
         match code {
-            KeyCode::Tab => self.choose(),
+            KeyCode::Tab => self.choose((self.chosen + 1) % self.tools.len().max(1)),
             KeyCode::Escape => events.exit(),
             KeyCode::Space => link.tell(Command::Pause),
             KeyCode::Period => link.tell(Command::Step),
@@ -284,7 +290,6 @@ impl App {
         match made {
             Ok(made) => {
                 let (scene, bodies) = *made;
-                (self.tools, self.chosen) = (names(&scene), 0);
                 self.setup.scene = scene.clone();
                 self.live.link().tell(Command::Replace(Box::new((scene, bodies))));
                 self.reframes = true;
@@ -292,11 +297,6 @@ impl App {
             Err(error) => self.panel.say(error.to_string()),
         }
     }
-}
-
-/// Names of a scene's tools, in its order.
-fn names(scene: &Scene) -> Vec<String> {
-    (0..).map_while(|index| Some(scene.leader(index)?.tool.into())).collect()
 }
 
 /// A camera that shows the whole scene.
@@ -357,7 +357,9 @@ impl ApplicationHandler<Said> for App {
                 self.panel.progress = Some(format!("preparing {}", file.display()));
                 super::dropped::prepare(file, self.said.clone());
             }
-            WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed && !event.repeat => {
+            WindowEvent::KeyboardInput { event, is_synthetic, .. }
+                if event.state == ElementState::Pressed && !event.repeat && !is_synthetic =>
+            {
                 if let PhysicalKey::Code(code) = event.physical_key {
                     self.key(code, events);
                 }

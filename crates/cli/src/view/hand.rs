@@ -88,16 +88,16 @@ impl Hand {
             }
             // All drags end, as the button may be released outside the window.
             WindowEvent::Focused(false) => {
-                (self.tool, self.orbit, self.pan) = (false, false, false);
+                self.let_go();
                 goal.into_iter().for_each(|goal| goal.press(false));
             }
             _ => {}
         }
     }
 
-    /// Ends the drag of a tool.
+    /// Ends all drags.
     pub fn let_go(&mut self) {
-        self.tool = false;
+        (self.tool, self.orbit, self.pan) = (false, false, false);
     }
 
     fn moved(&self, by: DVec2, camera: &mut Camera, goal: Option<&Goal>, size: [u32; 2]) {

@@ -137,7 +137,7 @@ impl Panel {
                 self.state(ui, snapshot);
                 self.felt(ui, snapshot, tool);
                 self.cost(ui, snapshot, delays);
-                command = self.sliders(ui, &snapshot.settings);
+                command = self.sliders(ui, &snapshot.settings, tool.0 == 0);
                 ui.separator();
                 self.progress.iter().chain(&self.lines).for_each(|line| drop(ui.label(RichText::new(line).small())));
             });
@@ -232,8 +232,9 @@ impl Panel {
         }
     }
 
-    /// Lays out the sliders. A slider gives commands while it is dragged, but not too often, and when it is released.
-    fn sliders(&mut self, ui: &mut Ui, settings: &Settings) -> Option<Command> {
+    /// Lays out the sliders. A slider gives commands while it is dragged, but not too often, and when it is released. The
+    /// coupling is that of the first tool, and shown if that `is_first` chosen.
+    fn sliders(&mut self, ui: &mut Ui, settings: &Settings, is_first: bool) -> Option<Command> {
         let mut touched = None;
         let mut is_let_go = false;
         let mut slide = |ui: &mut Ui, value: &mut f64, range: [f64; 2], text: &str, is_log: bool| {
@@ -275,7 +276,7 @@ impl Panel {
                 }
             });
         }
-        if let Some(coupling) = settings.coupling {
+        if let Some(coupling) = settings.coupling.filter(|_| is_first) {
             ui.collapsing("coupling", |ui| {
                 let mut new = match &self.dragged {
                     Some(Dragged::Coupling(new)) => *new,

@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use palpate::internal::haptics::Fault;
 use palpate::internal::haptics::servo_thread::raise_priority;
-use palpate::scene::Dialect;
 use palpate::scene::profile::Profile;
+use palpate::scene::{Dialect, HaplyService};
 use triple_buffer::{Input, Output};
 
 use super::kind::Identity;
@@ -83,6 +83,8 @@ pub struct Exchange {
     /// Id of the device to look for, used until a device has been found; `None`: the first device that the service
     /// lists.
     pub device_id: Option<String>,
+    /// Id of the grip that counts; `None`: the first that is awake.
+    pub grip: Option<String>,
     /// Dialect (key under which a force is written) to use; `None`: the one that the service's version asks for.
     pub dialect: Option<Dialect>,
     /// Time from one message to the next.
@@ -136,7 +138,12 @@ impl Exchange {
         count(&self.tally.connections);
         let inventory = link.receive(Instant::now() + INVENTORY_WAIT)?;
         let inventory = inventory.ok_or_else(|| Fault::Lost("the service sent no list of its devices".into()))?;
-        let (identity, _) = protocol::find(&inventory, self.wanted())?;
+        let (identity, _) = protocol::find(&inventory, self.wanted(), self.grip.as_deref())?;
+        // After a fault of the service the device goes on without its grip, until that is back.
+        let is_first = self.shot.identity.is_none();
+        if let Some(grip) = self.grip.as_deref().filter(|grip| is_first && *grip != HaplyService::NO_GRIP) {
+            protocol::find_grip(&inventory, grip)?;
+        }
         let device_id = identity.device_id.clone();
         self.max_force = identity.kind.profile(self.asked).max_force;
         match &self.shot.identity {
@@ -205,7 +212,7 @@ impl Exchange {
     fn take(&mut self, text: &str, owed: &mut u32) {
         *owed = owed.saturating_sub(1);
         count(&self.tally.frames);
-        match protocol::find(text, self.wanted()) {
+        match protocol::find(text, self.wanted(), self.grip.as_deref()) {
             Ok((_, state)) => {
                 self.shot.state = Some((Instant::now(), state));
                 (self.shot.garbled, self.shot.trouble) = (0, None);

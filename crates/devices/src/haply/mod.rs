@@ -36,7 +36,7 @@ use link::Address;
 /// Position, m, and velocity, m/s, that a message of the service gives; `None` where it is refused. For fuzzing.
 #[doc(hidden)]
 pub fn read_message(text: &str) -> Option<[DVec3; 2]> {
-    protocol::find(text, None).ok().map(|(_, state)| [state.position, state.velocity])
+    protocol::find(text, None, None).ok().map(|(_, state)| [state.position, state.velocity])
 }
 
 /// Longest time that [`Haply::open`](Device::open) waits for the device's first state.
@@ -156,6 +156,7 @@ impl Haply {
         let exchange = Exchange {
             address,
             device_id: self.settings.service.device_id.clone(),
+            grip: self.settings.service.grip.clone(),
             dialect: self.settings.service.dialect,
             period: Duration::from_secs_f64(1.0 / rate),
             asked: self.settings.profile,
@@ -203,7 +204,15 @@ impl Device for Haply {
     }
 
     fn notes(&self) -> Vec<String> {
-        self.identity.as_ref().map_or_else(Vec::new, |identity| identity.kind.notes(self.settings.profile))
+        let mut notes =
+            self.identity.as_ref().map_or_else(Vec::new, |identity| identity.kind.notes(self.settings.profile));
+        if let Some(grip) = self.settings.service.grip.as_deref().filter(|grip| *grip != HaplyService::NO_GRIP)
+            && self.identity.is_some()
+            && !self.profile.senses_rotation
+        {
+            notes.push(format!("the grip {grip} sleeps, and turns nothing until it wakes: press one of its buttons"));
+        }
+        notes
     }
 
     /// Returns the newest state without waiting.

@@ -7,7 +7,7 @@
 
 use glam::{DQuat, DVec3};
 use palpate::internal::haptics::Fault;
-use palpate::scene::Dialect;
+use palpate::scene::{Dialect, HaplyService};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -44,7 +44,7 @@ pub struct State {
     pub position: DVec3,
     /// Velocity of the cursor, m/s.
     pub velocity: DVec3,
-    /// Orientation of the first grip that is awake; `None` if no grip is awake.
+    /// Orientation of the grip that counts; `None` if it is not awake.
     pub orientation: Option<DQuat>,
     /// Pressed buttons of the grip whose orientation is given, one bit each.
     pub buttons: u32,
@@ -79,16 +79,16 @@ fn tick(device_id: &str, dialect: Dialect, force: DVec3) -> Value {
 }
 
 /// Identity and state, in a frame, of the device whose id is `wanted`, or of the first device listed if `wanted` is
-/// `None`. The type of the device is known only from the *inventory*, the first frame of a connection: later frames
+/// `None`. `grip`: id of the grip whose orientation and buttons count, [`HaplyService::NO_GRIP`], or `None` for the first
+/// one that is awake. The type of the device is known only from the *inventory*, the first frame of a connection: later frames
 /// have no `config`.
 ///
 /// # Errors
 /// [`Fault::Lost`] if the service does not list the device, [`Fault::Garbled`] if the text is not a plausible frame.
-pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault> {
-    let frame: Frame =
-        serde_json::from_str(text).map_err(|e| garbled(format!("not a message with device states: {e}")))?;
+pub fn find(text: &str, wanted: Option<&str>, grip: Option<&str>) -> Result<(Identity, State), Fault> {
+    let frame = Frame::of(text)?;
     let is_wanted = |arm: &&Arm| wanted.is_none_or(|id| arm.device_id == id);
-    let listed = frame.inverse3.unwrap_or_default();
+    let listed = frame.inverse3.as_deref().unwrap_or_default();
     let Some(arm) = listed.iter().find(is_wanted) else {
         let name = wanted.map_or(String::from("no inverse3"), |id| format!("no inverse3 {id:?}"));
         return Err(Fault::Lost(format!(
@@ -97,11 +97,13 @@ pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault
         )));
     };
     let state = arm.state.as_ref().ok_or_else(|| garbled("an inverse3 without its state".into()))?;
-    // What a custom grip sends is its maker's choice; one that sends no orientation as the others do is passed over.
-    let custom = frame.custom_verse_grip.into_iter().flatten().filter_map(|grip| serde_json::from_value(grip).ok());
-    let grips = [frame.verse_grip, frame.wireless_verse_grip].into_iter().flatten().flatten();
-    let grips = grips.chain(custom);
-    let grip = grips.filter(Grip::is_awake).find_map(|grip| grip.state.filter(|state| state.orientation.is_some()));
+    let counts = |other: &Grip| match grip {
+        Some(HaplyService::NO_GRIP) => false,
+        Some(id) => other.is_awake() && other.id().as_deref() == Some(id),
+        None => other.is_awake(),
+    };
+    let state_of = |grip: Grip| grip.state.filter(|state| state.orientation.is_some());
+    let grip = frame.grips().filter(counts).find_map(state_of);
     let orientation = grip.as_ref().and_then(|grip| grip.orientation.as_ref()).map(Quaternion::checked).transpose()?;
     let state = State {
         position: from_service(state.cursor_position.checked("cursor_position", FARTHEST)?),
@@ -110,6 +112,19 @@ pub fn find(text: &str, wanted: Option<&str>) -> Result<(Identity, State), Fault
         buttons: grip.map_or(0, |grip| grip.pressed()),
     };
     Ok((Identity { device_id: arm.device_id.clone(), kind: Kind::of_config(arm.config.as_ref()) }, state))
+}
+
+/// Checks that a frame lists a grip.
+///
+/// # Errors
+/// [`Fault::Lost`] if it does not, [`Fault::Garbled`] if the text is not a plausible frame.
+pub fn find_grip(text: &str, id: &str) -> Result<(), Fault> {
+    let listed: Vec<String> = Frame::of(text)?.grips().filter_map(|grip| grip.id()).collect();
+    if listed.iter().any(|other| other == id) {
+        return Ok(());
+    }
+    let which = if listed.is_empty() { "it lists none".into() } else { format!("it lists {}", listed.join(", ")) };
+    Err(Fault::Lost(format!("the service lists no grip {id:?} ({which}): switch it on, or correct `grip`")))
 }
 
 fn garbled(what: String) -> Fault {
@@ -122,6 +137,20 @@ struct Frame {
     verse_grip: Option<Vec<Grip>>,
     wireless_verse_grip: Option<Vec<Grip>>,
     custom_verse_grip: Option<Vec<Value>>,
+}
+
+impl Frame {
+    fn of(text: &str) -> Result<Frame, Fault> {
+        serde_json::from_str(text).map_err(|e| garbled(format!("not a message with device states: {e}")))
+    }
+
+    /// The grips that are listed, wired ones first.
+    fn grips(&self) -> impl Iterator<Item = Grip> + '_ {
+        // What a custom grip sends is its maker's choice; one that sends no orientation as the others do is passed over.
+        let custom = self.custom_verse_grip.iter().flatten().filter_map(|grip| Grip::deserialize(grip).ok());
+        let own = [&self.verse_grip, &self.wireless_verse_grip];
+        own.into_iter().flatten().flatten().cloned().chain(custom)
+    }
 }
 
 #[derive(Deserialize)]
@@ -137,13 +166,23 @@ struct ArmState {
     cursor_velocity: Vector,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Grip {
+    device_id: Option<Value>,
     state: Option<GripState>,
     status: Option<GripStatus>,
 }
 
 impl Grip {
+    /// The id, a text or a number; `None` if the service gives none.
+    fn id(&self) -> Option<String> {
+        match self.device_id.as_ref()? {
+            Value::String(id) => Some(id.clone()),
+            Value::Number(id) => Some(id.to_string()),
+            _ => None,
+        }
+    }
+
     /// Whether the grip's state is current: a wireless grip that sleeps or is out of reach is listed with its last
     /// state.
     fn is_awake(&self) -> bool {
@@ -151,13 +190,13 @@ impl Grip {
     }
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct GripStatus {
     connected: Option<bool>,
     awake: Option<bool>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct GripState {
     orientation: Option<Quaternion>,
     /// The only button of a wired grip.
@@ -176,7 +215,7 @@ impl GripState {
     }
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Buttons {
     #[serde(default)]
     a: bool,
@@ -201,7 +240,7 @@ impl Vector {
     }
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 struct Quaternion {
     w: f64,
     x: f64,
@@ -225,7 +264,7 @@ mod tests {
     use super::*;
 
     fn state(text: &str) -> Result<State, Fault> {
-        find(text, None).map(|(_, state)| state)
+        find(text, None, None).map(|(_, state)| state)
     }
 
     #[test]
@@ -276,6 +315,39 @@ mod tests {
     }
 
     #[test]
+    fn the_grip_that_is_named_counts() {
+        let turned = |z: f64, is_awake: bool, pressed: bool| {
+            let orientation = json!({"w": (1.0 - z * z).sqrt(), "x": 0.0, "y": 0.0, "z": z});
+            let state = json!({"orientation": orientation, "button": pressed});
+            json!({"state": state, "status": {"awake": is_awake}})
+        };
+        let named = |id: &str, mut grip: Value| {
+            grip["device_id"] = json!(id);
+            grip
+        };
+        let wired = json!([named("left", turned(0.1, true, false)), named("right", turned(0.2, true, true))]);
+        let mut numbered = turned(0.4, true, true);
+        numbered["device_id"] = json!(61548);
+        let text = grips("A", wired, json!([named("asleep", turned(0.3, false, false)), numbered]));
+        // The service's z is palpate's y.
+        let felt = |grip: Option<&str>| {
+            let (_, state) = find(&text, None, grip).unwrap();
+            (state.orientation.map(|q| (1e6 * q.y).round() / 1e6), state.buttons)
+        };
+        assert_eq!(felt(None), (Some(0.1), 0));
+        assert_eq!(felt(Some("left")), (Some(0.1), 0));
+        assert_eq!(felt(Some("right")), (Some(0.2), 1));
+        assert_eq!(felt(Some("61548")), (Some(0.4), 1));
+        assert_eq!(felt(Some("asleep")), (None, 0));
+        assert_eq!(felt(Some("none")), (None, 0));
+        assert!(find_grip(&text, "asleep").is_ok());
+        let missing = find_grip(&text, "other").unwrap_err().to_string();
+        assert!(missing.contains("no grip \"other\" (it lists left, right, asleep, 61548)"), "{missing}");
+        let missing = find_grip(&grips("A", json!([]), json!([])), "other").unwrap_err().to_string();
+        assert!(missing.contains("(it lists none)"), "{missing}");
+    }
+
+    #[test]
     fn a_sleeping_grip_is_passed_over() {
         let zero = json!({"w": 0, "x": 0, "y": 0, "z": 0});
         let asleep = json!([{"state": {"orientation": zero}, "status": {"awake": false}}]);
@@ -289,14 +361,14 @@ mod tests {
         let text = r#"{"inverse3":[
             {"device_id":"A","state":{"cursor_position":{"x":0.1,"y":0,"z":0},"cursor_velocity":{"x":0,"y":0,"z":0}}},
             {"device_id":"B","state":{"cursor_position":{"x":0.2,"y":0,"z":0},"cursor_velocity":{"x":0,"y":0,"z":0}}}]}"#;
-        assert_eq!(find(text, None).unwrap().0.device_id, "A");
-        let (identity, state) = find(text, Some("B")).unwrap();
+        assert_eq!(find(text, None, None).unwrap().0.device_id, "A");
+        let (identity, state) = find(text, Some("B"), None).unwrap();
         assert_eq!((identity.device_id.as_str(), state.position.x), ("B", 0.2));
         assert_eq!(identity.kind, Kind::default());
-        let (identity, _) = find(&frame("A", [0.0; 3], [0.0; 3]), None).unwrap();
+        let (identity, _) = find(&frame("A", [0.0; 3], [0.0; 3]), None, None).unwrap();
         assert_eq!(identity.kind.profile(None).name, "inverse3");
-        assert!(matches!(find(text, Some("C")), Err(Fault::Lost(why)) if why.contains("\"C\"")));
-        assert!(matches!(find(r#"{"session_id":1,"inverse3":[]}"#, None), Err(Fault::Lost(_))));
+        assert!(matches!(find(text, Some("C"), None), Err(Fault::Lost(why)) if why.contains("\"C\"")));
+        assert!(matches!(find(r#"{"session_id":1,"inverse3":[]}"#, None, None), Err(Fault::Lost(_))));
     }
 
     #[test]

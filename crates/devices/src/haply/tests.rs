@@ -312,6 +312,38 @@ fn of_two_devices_the_first_or_the_one_named() {
     }
 }
 
+/// Each of two devices is turned by the grip that it names; one that is not listed is told, and a sleeping one noted.
+#[test]
+fn of_two_devices_each_is_turned_by_its_own_grip() {
+    let grip = |id: &str, z: f64, awake: bool| {
+        let q = json!({"w": (1.0 - z * z).sqrt(), "x": 0, "y": 0, "z": z});
+        json!({"device_id": id, "state": {"orientation": q}, "status": {"awake": awake}})
+    };
+    let arms = [arm("A", [0.1, 0.0, 0.0], [0.0; 3]), arm("B", [0.2, 0.0, 0.0], [0.0; 3])];
+    let listed = [grip("left", 0.6, true), grip("right", 0.8, true), grip("asleep", 0.1, false)];
+    let reply = json!({"inverse3": arms, "wireless_verse_grip": listed}).to_string();
+    let all = reply.clone();
+    let fake = Fake::with(None, reply, move |_, _| Act::Reply(all.clone()));
+    let named = |device_id: &str, grip: Option<&str>| {
+        let (device_id, grip) = (Some(device_id.into()), grip.map(String::from));
+        let service = HaplyService { url: fake.url().into(), device_id, grip, ..HaplyService::default() };
+        Haply::new(Settings { service, ..Settings::default() })
+    };
+    let turns = [("A", Some("left"), 0.6), ("B", Some("right"), 0.8), ("B", None, 0.6), ("A", Some("none"), 0.0)];
+    for (device_id, grip, y) in turns {
+        let mut device = named(device_id, grip);
+        device.open().unwrap();
+        let orientation = device.read(0.0).unwrap().state.orientation;
+        assert!((orientation.y - y).abs() < 1e-12, "{device_id}, grip {grip:?}: {orientation}");
+        assert!(!device.notes().iter().any(|note| note.contains("grip")), "{:?}", device.notes());
+    }
+    let mut asleep = named("A", Some("asleep"));
+    asleep.open().unwrap();
+    assert!(asleep.notes().iter().any(|note| note.contains("the grip asleep sleeps")), "{:?}", asleep.notes());
+    let missing = named("A", Some("other")).open().unwrap_err().to_string();
+    assert!(missing.contains("no grip \"other\" (it lists left, right, asleep)"), "{missing}");
+}
+
 #[test]
 fn the_first_device_stays_the_one_however_they_are_listed_later() {
     let (a, b) = (arm("A", [0.0; 3], [0.0; 3]), arm("B", [0.2, 0.0, 0.0], [0.0; 3]));

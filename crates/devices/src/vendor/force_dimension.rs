@@ -3,10 +3,11 @@
 //! are in m, forces in N; x points to the user, y to the right, z up. A thread of ours samples the device; each call
 //! waits for the device's USB interface, some tenths of a millisecond.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{c_char, c_int, c_uchar, c_uint, c_ushort};
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -60,6 +61,10 @@ fn to_device(v: DVec3) -> DVec3 {
 }
 
 type Frame = [[f64; 3]; 3];
+
+/// Numbers of the devices that the program has open, by library; a library is never closed. Who looks for a device holds
+/// the lock.
+static OPEN: Mutex<BTreeMap<usize, BTreeSet<c_char>>> = Mutex::new(BTreeMap::new());
 
 functions! {
     /// Functions of the SDK. The last argument of most is the number of the device.
@@ -132,32 +137,45 @@ impl Library for Dhd {
 // SAFETY of all calls in this block: the functions are called as the SDK documents them, with the number of a device that
 // is open; pointers are to variables that outlive the call and have the length that the function writes.
 impl Dhd {
-    /// Opens the device of this serial number, or the first one; it must be calibrated.
+    /// Opens the device of this serial number, or the first one that the program has not open; it must be calibrated.
     fn connect(&mut self, wanted: Option<c_ushort>) -> Result<(), Fault> {
         let f = &self.functions;
+        let mut all = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+        let open = all.entry(self.key()).or_default();
+        let before = open.len();
         let count = unsafe { (f.device_count)() }.clamp(0, MOST_DEVICES);
         for index in 0..count {
             let index = c_char::try_from(index).unwrap_or_default();
             let opened = unsafe { (f.open)(index) };
-            let Some(id) = c_char::try_from(opened).ok().filter(|_| opened >= 0) else { continue };
+            // The library gives the number of a device again that is open already.
+            let is_new = |id: &c_char| opened >= 0 && !open.contains(id);
+            let Some(id) = c_char::try_from(opened).ok().filter(is_new) else { continue };
             let mut serial = 0;
             let is_read = unsafe { (f.get_serial_number)(&mut serial, id) } >= 0;
             if wanted.is_none_or(|wanted| is_read && wanted == serial) {
                 (self.id, self.serial) = (Some(id), is_read.then_some(serial));
+                open.insert(id);
                 break;
             }
             unsafe { (f.close)(id) };
         }
+        drop(all);
         let Some(id) = self.id else {
             let named = wanted.map(|serial| format!(" of serial number {serial}")).unwrap_or_default();
             let found = format!("among {count} devices of Force Dimension none{named} can be opened");
-            return Err(Fault::Lost(format!("{found} ({}): {PLUG_IN}", self.error())));
+            let more = if before > 0 { format!(", and {before} open in this program already") } else { String::new() };
+            return Err(Fault::Lost(format!("{found} ({}{more}): {PLUG_IN}", self.error())));
         };
         if unsafe { (self.functions.is_initialized)(id) } {
             return Ok(());
         }
         self.release();
         Err(Fault::Lost("the device is not calibrated: run Force Dimension's Haptic Init, or calibrate by hand".into()))
+    }
+
+    /// Which library this is, among those of the program.
+    fn key(&self) -> usize {
+        self.functions.open as usize
     }
 
     /// The number of the device, while it is open.
@@ -317,10 +335,10 @@ impl Dhd {
     fn release(&mut self) {
         if let Some(id) = self.id.take() {
             let _ = self.play(id, Wrench::ZERO);
-            unsafe {
-                (self.functions.stop)(id);
-                (self.functions.close)(id);
-            }
+            unsafe { (self.functions.stop)(id) };
+            let mut all = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+            unsafe { (self.functions.close)(id) };
+            all.entry(self.key()).or_default().remove(&id);
         }
     }
 }

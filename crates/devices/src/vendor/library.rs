@@ -38,6 +38,7 @@ fn lost(error: &libloading::Error, remedy: &str) -> Fault {
 macro_rules! functions {
     ($(#[$about:meta])* $name:ident { $($field:ident = $symbol:ident: $kind:ty,)* }) => {
         $(#[$about])*
+        #[derive(Clone, Copy)]
         struct $name {
             $($field: $kind,)*
         }

@@ -45,7 +45,9 @@ impl StandIn {
         stand_in.set(IS_CALIBRATED, &[1.0]);
         stand_in.set(TYPE, &[kind]);
         stand_in.set(SERIAL, &[1.0]);
-        stand_in.set(AXES, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        for bank in [0, SECOND_DEVICE] {
+            stand_in.set(bank + AXES, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+        }
         stand_in
     }
 
@@ -235,6 +237,74 @@ fn what_is_absent_is_named_in_one_line() {
     assert!(lost(ForceDimension::new(fast).open()).contains("use a rate"));
 }
 
+/// Each of two devices has its own place and force; a fault and the end of one leave the other alone.
+#[test]
+fn two_devices_of_one_maker_are_held_at_the_same_time() {
+    fn check<L: Library>(stand_in: &StandIn, units: [&str; 2], scale: f64, error: usize) {
+        stand_in.set(SECOND, &[99.0]);
+        let new = |k: usize| Vendor::<L>::new(Settings { unit: Some(units[k].into()), ..stand_in.settings() });
+        let mut devices = [new(0), new(1)];
+        devices.iter_mut().for_each(|device| device.open().unwrap());
+        for k in 0..2 {
+            assert!(lost(new(k).open()).contains("open in this program already"), "device {k}");
+        }
+        let bank = [0, SECOND_DEVICE];
+        let home = DVec3::new(1.0, 2.0, 3.0);
+        (0..2).for_each(|k| stand_in.set(bank[k] + POSITION, &(scale * place(k)).to_array()));
+        fn place(k: usize) -> DVec3 {
+            DVec3::splat([0.01, -0.02][k])
+        }
+        let force = [DVec3::splat(1.0), DVec3::splat(-1.5)];
+        let is_right = |k: usize, reading: &Result<Reading, Fault>| {
+            let is_there = |r: &Reading| r.state.position.distance(home + place(k)) < 1e-9;
+            reading.as_ref().is_ok_and(is_there) && stand_in.three(bank[k] + WRENCH) == force[k]
+        };
+        // Plays on both, until a condition on both readings holds.
+        let both = |devices: &mut [Vendor<L>; 2], done: &mut dyn FnMut([Result<Reading, Fault>; 2]) -> bool| {
+            let [first, second] = devices;
+            tick_until(first, push(force[0]), |reading| {
+                let _ = second.write(&push(force[1]));
+                done([reading, second.read(0.0)])
+            });
+        };
+        both(&mut devices, &mut |readings| (0..2).all(|k| is_right(k, &readings[k])));
+        // An error of one is none of the other.
+        for (ill, well) in [(1, 0), (0, 1)] {
+            stand_in.set(bank[ill] + error, &[COMMUNICATION_ERROR]);
+            let mut count = 0;
+            both(&mut devices, &mut |readings| {
+                let said = readings[well].as_ref().err().map(Fault::to_string).unwrap_or_default();
+                assert!(!said.to_lowercase().contains("error"), "device {well} says {said}");
+                let is_still = stand_in.three(bank[ill] + WRENCH) == DVec3::ZERO;
+                count += usize::from(readings[ill].is_err() && is_still && is_right(well, &readings[well]));
+                count > 30
+            });
+            stand_in.set(bank[ill] + error, &[0.0]);
+            both(&mut devices, &mut |readings| (0..2).all(|k| is_right(k, &readings[k])));
+        }
+        // The end of one is none of the other, and it can be opened again.
+        let closed = stand_in.get(CLOSED);
+        devices[1].close();
+        assert_eq!((stand_in.three(SECOND_DEVICE + WRENCH), stand_in.get(CLOSED)), (DVec3::ZERO, closed + 1.0));
+        tick_until(&mut devices[0], push(force[0]), |reading| is_right(0, &reading));
+        stand_in.set(SECOND_DEVICE + POSITION, &[0.0; 3]);
+        let [first, second] = &mut devices;
+        thread::scope(|scope| {
+            let opening = scope.spawn(|| second.open().unwrap());
+            tick_until(first, push(force[0]), |_| opening.is_finished());
+        });
+        stand_in.set(SECOND_DEVICE + POSITION, &(scale * place(1)).to_array());
+        both(&mut devices, &mut |readings| (0..2).all(|k| is_right(k, &readings[k])));
+        // Sessions close their devices at the same time.
+        thread::scope(|scope| devices.iter_mut().for_each(|device| drop(scope.spawn(|| device.close()))));
+        let forces = bank.map(|bank| stand_in.three(bank + WRENCH));
+        assert_eq!(forces, [DVec3::ZERO; 2]);
+        assert_eq!((stand_in.get(OPENED), stand_in.get(MISUSES)), (stand_in.get(CLOSED), 0.0));
+    }
+    check::<Dhd>(&StandIn::new("dhd", 104.0), ["1", "99"], 1.0, ERROR);
+    check::<OpenHaptics>(&StandIn::new("hd", 0.0), ["Left Device", "Right Device"], 1e3, LATE_ERROR);
+}
+
 #[test]
 fn the_type_decides_the_profile() {
     let stand_in = StandIn::new("dhd", 0.0);
@@ -391,6 +461,20 @@ fn a_library_that_hangs_is_left() {
         wait_until(|| stand_in.get(CLOSED) == 1.0);
         assert_eq!(stand_in.get(MISUSES), 0.0);
     }
+    // Another device of the library waits for it, but not for ever.
+    let stand_in = StandIn::new("hd", 0.0);
+    stand_in.set(SECOND, &[99.0]);
+    let second = || Touch::new(Settings { unit: Some("Right Device".into()), ..stand_in.settings() });
+    let mut device: Touch = opened(&stand_in);
+    stand_in.set(HANGS, &[4.0]);
+    device.close();
+    let begun = Instant::now();
+    assert!(lost(second().open()).contains("does not return from another device: end the program"));
+    assert!(begun.elapsed() < 2 * OPEN_WAIT, "opening took {:?}", begun.elapsed());
+    stand_in.set(HANGS, &[0.0]);
+    wait_until(|| stand_in.get(CLOSED) == 1.0);
+    assert!(second().open().is_ok());
+    assert_eq!(stand_in.get(MISUSES), 0.0);
     let stand_in = StandIn::new("hd", 0.0);
     stand_in.set(HANGS, &[3.0]);
     assert!(lost(Touch::new(stand_in.settings()).open()).contains("nothing can be scheduled"));

@@ -3,10 +3,11 @@
 //! the user, as in palpate. The library's scheduler calls a function of ours about 1000 times a second; each call is a
 //! *frame*, which reads the device and commands its force, or calibrates it first.
 
+use std::collections::BTreeMap;
 use std::ffi::{CString, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicBool, AtomicU32};
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -16,7 +17,7 @@ use palpate::internal::haptics::Fault;
 use palpate::scene::profile::{PREMIUM, Profile, TOUCH};
 
 use super::library::{self, functions};
-use super::{CLOSE_WAIT, Desk, Found, Library, Settings};
+use super::{CLOSE_WAIT, Desk, Found, Library, OPEN_WAIT, Settings};
 
 /// Names under which the system's loader may find the library.
 const NAMES: [&str; 4] = ["libHD.so", "libHD.so.3", "libHD.so.3.4", "hd.dll"];
@@ -50,6 +51,8 @@ const PRIORITY: c_ushort = c_ushort::MAX;
 /// session.
 const WARM_MOTORS: c_uint = 0x0200;
 const COOL_DOWN: Duration = Duration::from_secs(2);
+/// Longest time that closing waits for the library, of which pauses take a part.
+const END_WAIT: Duration = Duration::from_millis(500);
 /// Errors of the device itself; others tell of too large a force or speed, or of too warm a motor.
 const DEVICE_ERRORS: std::ops::Range<c_uint> = 0x0300..0x0400;
 /// Greatest number of errors that are taken from the library's list at a time.
@@ -91,9 +94,102 @@ functions! {
     }
 }
 
+/// What the devices share that a program has opened through a library.
+#[derive(Default)]
+struct Hub {
+    /// How many functions the library's scheduler calls. It runs if there is one, and may be stopped and started, and
+    /// devices opened and closed, by whoever holds this lock; its functions never do.
+    scheduled: Mutex<usize>,
+    /// Whether the scheduler is about to stop: its functions command no force.
+    is_pausing: AtomicBool,
+    noted: Mutex<Noted>,
+}
+
+#[derive(Default)]
+struct Noted {
+    /// The open devices by their handles.
+    devices: BTreeMap<c_uint, Activity>,
+    /// Errors that the library has told to the function of another device.
+    errors: Vec<(c_uint, Trouble)>,
+}
+
+/// What the function of a device does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Activity {
+    Plays,
+    /// It has commanded no force since a pause was asked for.
+    Rests,
+    /// It has commanded no force, and is not called any more.
+    Ended,
+}
+
+/// Code and text of an error.
+type Trouble = (c_uint, String);
+
+impl Hub {
+    /// What is shared by all devices of this library, which is never closed.
+    fn of(functions: &Functions) -> Arc<Hub> {
+        static HUBS: Mutex<BTreeMap<usize, Arc<Hub>>> = Mutex::new(BTreeMap::new());
+        let mut hubs = HUBS.lock().unwrap_or_else(PoisonError::into_inner);
+        hubs.entry(functions.init_device as usize).or_default().clone()
+    }
+
+    fn noted(&self) -> MutexGuard<'_, Noted> {
+        self.noted.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The lock of `scheduled`, if it is free within `patience`.
+    fn lock(&self, patience: Duration) -> Result<MutexGuard<'_, usize>, Fault> {
+        let asked = Instant::now();
+        loop {
+            match self.scheduled.try_lock() {
+                Ok(scheduled) => return Ok(scheduled),
+                Err(TryLockError::Poisoned(poisoned)) => return Ok(poisoned.into_inner()),
+                Err(TryLockError::WouldBlock) if asked.elapsed() > patience => {
+                    let why = "the library does not return from another device";
+                    return Err(Fault::Lost(format!("{why}: end the program, and start it again")));
+                }
+                Err(TryLockError::WouldBlock) => thread::sleep(Duration::from_millis(1)),
+            }
+        }
+    }
+
+    /// Does something while the scheduler stands still. Before, the other devices are told to command no force, and
+    /// `is_ready` is waited for; neither for longer than [`CLOSE_WAIT`].
+    fn paused<R>(
+        &self,
+        f: &Functions,
+        mut scheduled: MutexGuard<'_, usize>,
+        is_ready: impl Fn() -> bool,
+        work: impl FnOnce(&mut usize) -> R,
+    ) -> R {
+        self.is_pausing.store(true, Release);
+        let asked = Instant::now();
+        let resting = || self.noted().devices.values().filter(|activity| **activity != Activity::Plays).count();
+        let is_done = || is_ready() && resting() >= *scheduled;
+        while !is_done() && asked.elapsed() < CLOSE_WAIT {
+            thread::sleep(Duration::from_millis(1));
+        }
+        // SAFETY (both calls): the scheduler runs where functions are scheduled, and nothing else starts or stops it.
+        if *scheduled > 0 {
+            unsafe { (f.stop_scheduler)() };
+        }
+        let done = work(&mut scheduled);
+        let mut noted = self.noted();
+        noted.devices.values_mut().filter(|activity| **activity == Activity::Rests).for_each(|a| *a = Activity::Plays);
+        drop(noted);
+        self.is_pausing.store(false, Release);
+        if *scheduled > 0 {
+            unsafe { (f.start_scheduler)() };
+        }
+        done
+    }
+}
+
 /// The library with an open device, which is released at the end.
 pub struct OpenHaptics {
     functions: Functions,
+    hub: Arc<Hub>,
     /// Handle of the device; [`INVALID`] once it is released.
     device: AtomicU32,
     found: Found,
@@ -108,18 +204,40 @@ impl Library for OpenHaptics {
         let unit = settings.unit.as_deref().map(CString::new).transpose();
         let unit = unit.map_err(|_| Fault::Lost("the name of the device contains a zero byte".into()))?;
         let functions = Functions::of(library::open(settings.library.as_deref(), &NAMES, INSTALL)?)?;
-        // SAFETY: the name is a text that ends in a zero byte, or null, which means the default device.
-        let device = unsafe { (functions.init_device)(unit.as_ref().map_or(std::ptr::null(), |unit| unit.as_ptr())) };
+        let hub = Hub::of(&functions);
         let found = Found { name: String::new(), profile: TOUCH, is_known: false };
-        let mut library = OpenHaptics { functions, device: AtomicU32::new(device), found };
+        let mut library = OpenHaptics { functions, hub: hub.clone(), device: AtomicU32::new(INVALID), found };
         let named = settings.unit.as_ref().map(|unit| format!(" called {unit:?}")).unwrap_or_default();
-        let failed = |why: String| Fault::Lost(format!("no device{named} can be opened ({why}): {PLUG_IN}"));
-        match library.error() {
-            Some((_, text)) => return Err(failed(text)),
-            None if device == INVALID => return Err(failed("the library gives no reason".into())),
-            None => {}
-        }
-        library.found = library.identity();
+        let failed = |why: &str| Err(Fault::Lost(format!("no device{named} can be opened ({why}): {PLUG_IN}")));
+        let functions = library.functions;
+        hub.paused(
+            &functions,
+            hub.lock(OPEN_WAIT)?,
+            || true,
+            |_| {
+                library.sort_errors();
+                let name = unit.as_ref().map_or(std::ptr::null(), |unit| unit.as_ptr());
+                // SAFETY: the name is a text that ends in a zero byte, or null, which means the default device.
+                let device = unsafe { (functions.init_device)(name) };
+                let error = library.newest_error();
+                if device != INVALID && hub.noted().devices.contains_key(&device) {
+                    let which = settings.unit.as_deref().unwrap_or("the first device");
+                    let remedy = "give each tool a device of its own by `unit`";
+                    return Err(Fault::Lost(format!("{which} is open in this program already: {remedy}")));
+                }
+                library.device.store(device, Relaxed);
+                if let Some((_, text)) = error {
+                    library.disable();
+                    return failed(&text);
+                }
+                if device == INVALID {
+                    return failed("the library gives no reason");
+                }
+                hub.noted().devices.insert(device, Activity::Plays);
+                library.found = library.identity();
+                Ok(())
+            },
+        )?;
         Ok(library)
     }
 
@@ -133,21 +251,29 @@ impl Library for OpenHaptics {
         let shared = Arc::new(Shared { library: self, work: Mutex::new(work), has_stopped: AtomicBool::new(false) });
         let f = &shared.library.functions;
         let data = Arc::as_ptr(&shared).cast_mut().cast();
-        let failed = |what: &str, text: String| Err(Fault::Lost(format!("{what}: {text}")));
-        // SAFETY: the library calls `frame` with the address of `shared`, which lives until `Scheduled` has seen to it
-        // that it does so no more; here the scheduler does not run yet.
-        let handle = unsafe {
-            (f.make_current_device)(shared.library.device.load(Relaxed));
-            (f.enable)(FORCE_OUTPUT);
-            (f.schedule_asynchronous)(frame, data, PRIORITY)
-        };
-        if let Some((_, text)) = shared.library.error() {
-            // SAFETY: as above.
-            unsafe { (f.unschedule)(handle) };
-            return failed("nothing can be scheduled with the library", text);
-        }
-        // SAFETY: as above.
-        unsafe { (f.start_scheduler)() };
+        let hub = &shared.library.hub;
+        let handle = hub.paused(
+            f,
+            hub.lock(OPEN_WAIT)?,
+            || true,
+            |scheduled| {
+                shared.library.sort_errors();
+                // SAFETY: the library calls `frame` with the address of `shared`, which lives until `Scheduled` has seen to it
+                // that it does so no more; here the scheduler does not run.
+                let handle = unsafe {
+                    (f.make_current_device)(shared.library.device.load(Relaxed));
+                    (f.enable)(FORCE_OUTPUT);
+                    (f.schedule_asynchronous)(frame, data, PRIORITY)
+                };
+                if let Some((_, text)) = shared.library.newest_error() {
+                    // SAFETY: as above.
+                    unsafe { (f.unschedule)(handle) };
+                    return Err(Fault::Lost(format!("nothing can be scheduled with the library: {text}")));
+                }
+                *scheduled += 1;
+                Ok(handle)
+            },
+        )?;
         Ok(Scheduled { shared, stop, handle })
     }
 }
@@ -155,28 +281,50 @@ impl Library for OpenHaptics {
 // SAFETY of all calls in this block: the functions are called as the library's reference says, for a device that is open;
 // pointers are to variables that outlive the call and have the length that the function reads or writes.
 impl OpenHaptics {
-    /// The newest of the errors that the library has noted, if any, or that of warm motors if it is among them: its code
-    /// and its text. The others are forgotten.
-    fn error(&self) -> Option<(c_uint, String)> {
-        let mut newest: Option<(c_uint, String)> = None;
-        for _ in 0..MOST_ERRORS {
+    /// Takes the errors that the library has noted, the newest first, each with its device.
+    fn take_errors(&self) -> Vec<(c_uint, Trouble)> {
+        let mut taken = Vec::new();
+        while taken.len() < MOST_ERRORS {
             let error = unsafe { (self.functions.get_error)() };
             if error.code == 0 {
                 break;
             }
-            if newest.is_none() || error.code == WARM_MOTORS {
-                let text = unsafe { library::text((self.functions.get_error_string)(error.code)) };
-                newest = Some((error.code, format!("{text}, {:#06x}, internal {}", error.code, error.internal)));
-            }
+            let text = unsafe { library::text((self.functions.get_error_string)(error.code)) };
+            let text = format!("{text}, {:#06x}, internal {}", error.code, error.internal);
+            taken.push((error.device, (error.code, text)));
         }
-        newest
+        taken
+    }
+
+    /// While the scheduler stands still: the newest of the errors that the library has noted, if any, of whatever device
+    /// it says they are. The others are forgotten.
+    fn newest_error(&self) -> Option<Trouble> {
+        self.take_errors().into_iter().next().map(|(_, trouble)| trouble)
+    }
+
+    /// Puts the errors that the library has noted aside for the devices that they are of.
+    fn sort_errors(&self) {
+        let taken = self.take_errors();
+        self.hub.noted().put_aside(taken, INVALID);
+    }
+
+    /// Within the scheduler: the newest error of this device, if there is one, or that of warm motors if it is among them.
+    /// Its others are forgotten; those of the other devices are put aside for them.
+    fn error(&self) -> Option<Trouble> {
+        let device = self.device.load(Relaxed);
+        let taken = self.take_errors();
+        let mut noted = self.hub.noted();
+        let mut own = noted.put_aside(taken, device);
+        own.extend(noted.errors.extract_if(.., |(of, _)| *of == device).map(|(_, trouble)| trouble));
+        let warm = own.iter().position(|(code, _)| *code == WARM_MOTORS);
+        (!own.is_empty()).then(|| own.swap_remove(warm.unwrap_or(0)))
     }
 
     fn identity(&self) -> Found {
         let text = |what| unsafe { library::text((self.functions.get_string)(what)) };
         let (model, serial) = (text(MODEL), text(SERIAL_NUMBER));
         // A library that does not know one of the two notes an error.
-        let _ = self.error();
+        let _ = self.take_errors();
         let upper = model.to_uppercase();
         let known = KNOWN.iter().find(|(name, _)| upper.starts_with(name)).map(|(_, profile)| *profile);
         Found {
@@ -240,10 +388,18 @@ impl OpenHaptics {
         if sample.is_some_and(|(state, _)| !state.is_valid()) {
             desk.report(Fault::Garbled("the pose or the velocity is not finite".into()));
         }
+        let is_pausing = self.hub.is_pausing.load(Acquire);
+        if is_pausing && desk.is_commanded() {
+            // A fault: it ends the force, which the haptic loop then lets return slowly.
+            desk.report(Fault::Lost("another device of the maker is opened or closed".into()));
+        }
         let force = if work.is_calibrated { desk.wrench().force.to_array() } else { [0.0; 3] };
         unsafe {
             (f.set_doublev)(FORCE, force.as_ptr());
             (f.end_frame)(device);
+        }
+        if is_pausing {
+            self.hub.noted().devices.insert(device, Activity::Rests);
         }
         match self.error() {
             error if uncalibrated.is_some() => {
@@ -267,18 +423,36 @@ impl OpenHaptics {
         }
     }
 
-    /// Releases the device, once.
+    /// While the scheduler stands still: releases the device, once.
     fn disable(&self) {
         let device = self.device.swap(INVALID, Relaxed);
         if device != INVALID {
             unsafe { (self.functions.disable_device)(device) };
+            let mut noted = self.hub.noted();
+            noted.devices.remove(&device);
+            noted.errors.retain(|(of, _)| *of != device);
         }
+    }
+}
+
+impl Noted {
+    /// Keeps the errors of other open devices than `device` for them, and returns the rest.
+    fn put_aside(&mut self, taken: Vec<(c_uint, Trouble)>, device: c_uint) -> Vec<Trouble> {
+        let is_of_other = |of: &c_uint| *of != device && self.devices.contains_key(of);
+        let (others, rest): (Vec<_>, Vec<_>) = taken.into_iter().partition(|(of, _)| is_of_other(of));
+        self.errors.extend(others);
+        rest.into_iter().map(|(_, trouble)| trouble).collect()
     }
 }
 
 impl Drop for OpenHaptics {
     fn drop(&mut self) {
-        self.disable();
+        // Where the library does not return, the device stays open.
+        if self.device.load(Relaxed) != INVALID
+            && let Ok(scheduled) = self.hub.lock(CLOSE_WAIT)
+        {
+            self.hub.paused(&self.functions, scheduled, || true, |_| self.disable());
+        }
     }
 }
 
@@ -309,6 +483,7 @@ unsafe extern "C" fn frame(data: *mut c_void) -> c_uint {
     if !is_stopping {
         return CONTINUE;
     }
+    shared.library.hub.noted().devices.insert(shared.library.device.load(Relaxed), Activity::Ended);
     // Nothing may touch `shared` after this, since it may end at once; the library does not call a function again that
     // has said it is done.
     shared.has_stopped.store(true, Release);
@@ -323,36 +498,33 @@ pub struct Scheduled {
 }
 
 impl Drop for Scheduled {
-    /// Waits for a frame without force, ends the scheduler, and releases the device. Where the library does not return,
-    /// a thread waits for it, and nothing that it works with is freed.
+    /// Waits for a frame without force, and releases the device while the scheduler stands still. Where the library does
+    /// not return, a thread waits for it, and nothing that it works with is freed.
     fn drop(&mut self) {
         self.stop.store(true, Relaxed);
-        let asked = Instant::now();
-        while !self.shared.has_stopped.load(Acquire) && asked.elapsed() < CLOSE_WAIT {
-            thread::sleep(Duration::from_millis(1));
-        }
-        let has_stopped = self.shared.has_stopped.load(Acquire);
-        if !has_stopped {
-            // The library may call the function later.
-            std::mem::forget(self.shared.clone());
-        }
         let (shared, handle) = (self.shared.clone(), self.handle);
         let (tell, told) = mpsc::channel();
         let end = move || {
-            let f = &shared.library.functions;
-            // SAFETY: the functions are called as the library's reference says; a function that is done is not scheduled
-            // any more.
-            unsafe {
-                (f.stop_scheduler)();
-                if !has_stopped {
-                    (f.unschedule)(handle);
+            let OpenHaptics { functions, hub, .. } = &shared.library;
+            let scheduled = hub.scheduled.lock().unwrap_or_else(PoisonError::into_inner);
+            let has_stopped = || shared.has_stopped.load(Acquire);
+            hub.paused(functions, scheduled, has_stopped, |scheduled| {
+                if !has_stopped() {
+                    // The library may call the function later.
+                    std::mem::forget(shared.clone());
+                    // SAFETY: the function is called as the library's reference says; a function that is done is not
+                    // scheduled any more.
+                    unsafe { (functions.unschedule)(handle) };
                 }
-            }
-            shared.library.disable();
+                *scheduled -= 1;
+                shared.library.disable();
+            });
             let _ = tell.send(());
         };
-        if thread::Builder::new().name("openhaptics-end".into()).spawn(end).is_ok() {
-            let _ = told.recv_timeout(CLOSE_WAIT);
+        match thread::Builder::new().name("openhaptics-end".into()).spawn(end) {
+            Ok(_) => drop(told.recv_timeout(END_WAIT)),
+            // The function is still scheduled.
+            Err(_) => std::mem::forget(self.shared.clone()),
         }
     }
 }

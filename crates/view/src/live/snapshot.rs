@@ -33,6 +33,8 @@ pub enum State {
 /// The quantities that the user can change, with their present values.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
+    /// Names of the tools, in the scene's order.
+    pub tools: Vec<String>,
     /// For each material: index of the body, index among the body's materials, name for the user, and the material.
     pub materials: Vec<(usize, usize, String, Material)>,
     /// The contact law.
@@ -125,6 +127,7 @@ pub(super) fn settings(simulation: &Simulation, has_device: bool) -> Settings {
         named.collect::<Vec<_>>()
     };
     Settings {
+        tools: scene.tool_names().map(String::from).collect(),
         materials: scene.bodies.iter().enumerate().flat_map(of_body).collect(),
         contact: Some(scene.contact.clone()),
         stiffness: simulation.contact_stiffness(),

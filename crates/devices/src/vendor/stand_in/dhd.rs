@@ -7,7 +7,7 @@
 mod places;
 
 use std::ffi::{c_char, c_int, c_uchar, c_uint, c_ushort};
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::atomic::Ordering::SeqCst;
 
 use places::*;
@@ -39,10 +39,18 @@ fn count_up(place: usize) {
     set(place, get(place) + 1.0);
 }
 
-/// Whether a call for a device may be answered: one is open, and there.
+/// Which of the two devices are open.
+static IS_OPEN: [AtomicBool; 2] = [const { AtomicBool::new(false) }; 2];
+
+/// Where the places of a device begin.
+fn bank(id: c_char) -> usize {
+    if id == SECOND_ID { SECOND_DEVICE } else { 0 }
+}
+
+/// Whether a call for a device may be answered: it is open, and there.
 fn is_well(id: c_char) -> bool {
-    let is_open = get(OPENED) > get(CLOSED);
-    if ![ID, SECOND_ID].contains(&id) || !is_open {
+    let is_open = [ID, SECOND_ID].contains(&id) && IS_OPEN[usize::from(id == SECOND_ID)].load(SeqCst);
+    if !is_open {
         count_up(MISUSES);
     }
     is_open && (id == SECOND_ID || get(IS_THERE) != 0.0)
@@ -70,15 +78,20 @@ pub extern "C" fn drdOpenID(index: c_char) -> c_int {
     if c_int::from(index) >= count {
         return -1;
     }
-    count_up(OPENED);
     let is_second = get(SECOND) != 0.0 && index == 0;
+    // One that is open already gives its number again.
+    if !IS_OPEN[usize::from(is_second)].swap(true, SeqCst) {
+        count_up(OPENED);
+    }
     c_int::from(if is_second { SECOND_ID } else { ID })
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn drdClose(id: c_char) -> c_int {
     let is_well = is_well(id);
-    count_up(CLOSED);
+    if IS_OPEN[usize::from(id == SECOND_ID)].swap(false, SeqCst) {
+        count_up(CLOSED);
+    }
     answer(is_well)
 }
 
@@ -89,13 +102,13 @@ pub extern "C" fn drdIsInitialized(id: c_char) -> bool {
 
 #[unsafe(no_mangle)]
 pub extern "C" fn dhdStop(id: c_char) -> c_int {
-    set(IS_ENABLED, 0.0);
+    set(bank(id) + IS_ENABLED, 0.0);
     answer(is_well(id))
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn dhdEnableForce(value: c_uchar, id: c_char) -> c_int {
-    set(IS_ENABLED, value.into());
+    set(bank(id) + IS_ENABLED, value.into());
     answer(is_well(id))
 }
 
@@ -103,7 +116,7 @@ pub extern "C" fn dhdEnableForce(value: c_uchar, id: c_char) -> c_int {
 pub unsafe extern "C" fn dhdGetStatus(states: *mut c_int, id: c_char) -> c_int {
     for k in 0..17 {
         let state = match k {
-            5 => c_int::from(get(IS_ENABLED) != 0.0 && get(IS_OFF) == 0.0),
+            5 => c_int::from(get(bank(id) + IS_ENABLED) != 0.0 && get(IS_OFF) == 0.0),
             _ => 1,
         };
         unsafe { *states.add(k) = state };
@@ -141,29 +154,29 @@ pub unsafe extern "C" fn dhdGetPositionAndOrientationFrame(
     id: c_char,
 ) -> c_int {
     count_up(SAMPLES);
-    give(POSITION, [x, y, z]);
+    give(bank(id) + POSITION, [x, y, z]);
     for k in 0..9 {
-        unsafe { (*frame)[k / 3][k % 3] = get(AXES + k) };
+        unsafe { (*frame)[k / 3][k % 3] = get(bank(id) + AXES + k) };
     }
-    answer(is_well(id) && get(ERROR) == 0.0)
+    answer(is_well(id) && get(bank(id) + ERROR) == 0.0)
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn dhdGetLinearVelocity(x: *mut f64, y: *mut f64, z: *mut f64, id: c_char) -> c_int {
-    give(VELOCITY, [x, y, z]);
+    give(bank(id) + VELOCITY, [x, y, z]);
     // The library needs two positions for it.
     answer(is_well(id) && get(SAMPLES) > 1.0)
 }
 
 #[unsafe(no_mangle)]
 pub extern "C" fn dhdGetAngularVelocityRad(x: *mut f64, y: *mut f64, z: *mut f64, id: c_char) -> c_int {
-    give(ANGULAR_VELOCITY, [x, y, z]);
+    give(bank(id) + ANGULAR_VELOCITY, [x, y, z]);
     answer(is_well(id))
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn dhdGetButtonMask(_: c_char) -> c_uint {
-    get(BUTTONS) as c_uint
+pub extern "C" fn dhdGetButtonMask(id: c_char) -> c_uint {
+    get(bank(id) + BUTTONS) as c_uint
 }
 
 #[unsafe(no_mangle)]
@@ -177,9 +190,9 @@ pub extern "C" fn dhdSetForceAndTorqueAndGripperForce(
     gripper: f64,
     id: c_char,
 ) -> c_int {
-    [a, b, c, d, e, f].into_iter().enumerate().for_each(|(k, value)| set(WRENCH + k, value));
+    [a, b, c, d, e, f].into_iter().enumerate().for_each(|(k, value)| set(bank(id) + WRENCH + k, value));
     let is_force = [a, b, c, d, e, f].iter().any(|value| *value != 0.0);
-    if gripper != 0.0 || is_force && get(IS_ENABLED) == 0.0 {
+    if gripper != 0.0 || is_force && get(bank(id) + IS_ENABLED) == 0.0 {
         count_up(MISUSES);
     }
     // A saturated motor is no error.

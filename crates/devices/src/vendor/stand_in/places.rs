@@ -4,7 +4,10 @@
 #![allow(dead_code)]
 
 /// Length of the memory.
-pub const LENGTH: usize = 64;
+pub const LENGTH: usize = 128;
+/// Where the places of a second device begin: those of its buttons, errors, position, axes, velocities, wrench, and of
+/// whether its force is enabled. The other places are those of both.
+pub const SECOND_DEVICE: usize = 64;
 
 /// Whether there is a device (not zero), and whether the library can open it.
 pub const IS_THERE: usize = 0;
@@ -38,10 +41,12 @@ pub const IS_ENABLED: usize = 36;
 pub const CALIBRATIONS: usize = 37;
 /// Whether the device's own button, or limit of speed, has switched its forces off (`dhd.rs`).
 pub const IS_OFF: usize = 38;
-/// Serial number of a second device, which is listed first (`dhd.rs`); 0: there is none.
+/// Serial number of a second device, which is listed first; 0: there is none. With `hd.rs` its name is "Right Device".
 pub const SECOND: usize = 39;
-/// Whether the scheduler calls nothing any more (1), and does not end for a second either (2); whether nothing can be
-/// scheduled (3) (`hd.rs`).
+/// Whether the scheduler calls nothing any more (1), and does not end for a second either (2), or for as long as this says
+/// (4); whether nothing can be scheduled (3) (`hd.rs`).
 pub const HANGS: usize = 40;
+/// Code of an error of the device that is noted between two frames, so that whichever frame comes next is told (`hd.rs`).
+pub const LATE_ERROR: usize = 42;
 /// Whether only a hand can calibrate the device now (`hd.rs`).
 pub const NEEDS_HAND: usize = 41;
