@@ -312,7 +312,9 @@ fn each_of_two_tools_is_moved_recorded_and_replays_to_the_same_bits() {
     assert!(forces(&pressed)[0] < 0.2, "forces, N: {:?}", forces(&pressed));
     until(&mut live, |snapshot| snapshot.haptics.get(1).is_some_and(|state| state.played.force.y > 1.0));
     assert!(live.snapshot().haptics[0].played.force.y < 0.2);
-    assert!(live.samples().last().is_some_and(|sample| sample.forces[1].y > 1.0 && sample.forces[0].y < 0.2));
+    // A ball that is set down may bounce.
+    let most = live.samples().fold([0.0_f64; 2], |most, sample| [0, 1].map(|k| most[k].max(sample.forces[k].y)));
+    assert!(most[0] < 0.2 && most[1] > 1.0, "greatest forces of the samples, N: {most:?}");
     // After a pause each device begins where it was.
     let arrived = |tool: &ToolReport| (tool.device.position.y - goals[1].pose().0.y).abs() < 1e-4;
     until(&mut live, |snapshot| snapshot.row.as_ref().is_some_and(|row| row.tools().nth(1).is_some_and(arrived)));
