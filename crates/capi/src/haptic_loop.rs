@@ -351,10 +351,10 @@ pub unsafe extern "C" fn palpate_loop_wrench_tool(
 
 /// Reads a note about a loop, one line of text. A note reports the virtual coupling that was chosen and why, a limit in
 /// the options that exceeds that of the device's profile, or that a thread of the loop has no raised priority; of
-/// several tools the note begins with the name of one. `note`:
-/// number of the note, from 0; `palpate_loop_state` has the number of notes. `count` receives the length of the text in
-/// bytes, with its terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity`
-/// is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
+/// several tools the note begins with the name of one. `note`: number of the note, from 0; `palpate_loop_state` has the
+/// number of notes. `count` receives the length of the text in bytes, with its terminating zero; up to `capacity` bytes
+/// are written to `text`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none
+/// of it was written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn palpate_loop_note(
     the_loop: *mut palpate_loop,

@@ -9,7 +9,8 @@ use super::sized::{Field, Sized32, fields};
 use super::status::{Failure, Outcome, palpate_status};
 
 /// Options of a haptic loop. Unless its description says otherwise, a field that is 0 leaves the option at its value in
-/// the scene's table `[haptics]`, for a tool after the first in the table `haptics` of the tool, or, if the scene does not set the option, at the default of that table.
+/// the scene's table `[haptics]` (for a tool after the first in the table `haptics` of the tool) or, if the scene does not
+/// set the option, at the default of that table.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_loop_options {

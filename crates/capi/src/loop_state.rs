@@ -65,8 +65,8 @@ pub const PALPATE_EVENT_UNPAID: u32 = 65536;
 const QUANTILE_EVERY: u64 = 1000;
 
 /// State of a haptic loop; where several devices lead tools, that of one of them. It is updated after each step of the
-/// simulation, so its values about ticks are at most one step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
-/// orientations of the poses, which are the identity.
+/// simulation, so its values about ticks are at most one step old. Before the first tick all fields are zero, except
+/// `size`, `is_running`, `notes`, `steps`, and the orientations of the poses, which are the identity.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct palpate_loop_state {

@@ -803,7 +803,8 @@ typedef struct palpate_haptic_device {
 } palpate_haptic_device;
 
 // Options of a haptic loop. Unless its description says otherwise, a field that is 0 leaves the option at its value in
-// the scene's table `[haptics]`, for a tool after the first in the table `haptics` of the tool, or, if the scene does not set the option, at the default of that table.
+// the scene's table `[haptics]` (for a tool after the first in the table `haptics` of the tool) or, if the scene does not
+// set the option, at the default of that table.
 typedef struct palpate_loop_options {
     // Size of the struct in bytes: sizeof(palpate_loop_options).
     uint32_t size;
@@ -841,8 +842,8 @@ typedef struct palpate_loop_options {
 } palpate_loop_options;
 
 // State of a haptic loop; where several devices lead tools, that of one of them. It is updated after each step of the
-// simulation, so its values about ticks are at most one step old. Before the first tick all fields are zero, except `size`, `is_running`, `notes`, `steps`, and the
-// orientations of the poses, which are the identity.
+// simulation, so its values about ticks are at most one step old. Before the first tick all fields are zero, except
+// `size`, `is_running`, `notes`, `steps`, and the orientations of the poses, which are the identity.
 typedef struct palpate_loop_state {
     // Size of the struct in bytes: sizeof(palpate_loop_state).
     uint32_t size;
@@ -1311,10 +1312,10 @@ palpate_status palpate_loop_wrench_tool(struct palpate_loop *the_loop,
 
 // Reads a note about a loop, one line of text. A note reports the virtual coupling that was chosen and why, a limit in
 // the options that exceeds that of the device's profile, or that a thread of the loop has no raised priority; of
-// several tools the note begins with the name of one. `note`:
-// number of the note, from 0; `palpate_loop_state` has the number of notes. `count` receives the length of the text in
-// bytes, with its terminating zero; up to `capacity` bytes are written to `text`, which may be null where `capacity`
-// is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none of it was written.
+// several tools the note begins with the name of one. `note`: number of the note, from 0; `palpate_loop_state` has the
+// number of notes. `count` receives the length of the text in bytes, with its terminating zero; up to `capacity` bytes
+// are written to `text`, which may be null where `capacity` is 0. PALPATE_STATUS_TOO_SMALL: the text is longer, and none
+// of it was written.
 palpate_status palpate_loop_note(struct palpate_loop *the_loop,
                                  uint32_t note,
                                  char *text,

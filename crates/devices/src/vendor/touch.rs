@@ -53,6 +53,8 @@ const WARM_MOTORS: c_uint = 0x0200;
 const COOL_DOWN: Duration = Duration::from_secs(2);
 /// Longest time that closing waits for the library, of which pauses take a part.
 const END_WAIT: Duration = Duration::from_millis(500);
+/// For [`Hub::paused`]: there is nothing to wait for.
+const AT_ONCE: fn() -> bool = || true;
 /// Errors of the device itself; others tell of too large a force or speed, or of too warm a motor.
 const DEVICE_ERRORS: std::ops::Range<c_uint> = 0x0300..0x0400;
 /// Greatest number of errors that are taken from the library's list at a time.
@@ -210,34 +212,30 @@ impl Library for OpenHaptics {
         let named = settings.unit.as_ref().map(|unit| format!(" called {unit:?}")).unwrap_or_default();
         let failed = |why: &str| Err(Fault::Lost(format!("no device{named} can be opened ({why}): {PLUG_IN}")));
         let functions = library.functions;
-        hub.paused(
-            &functions,
-            hub.lock(OPEN_WAIT)?,
-            || true,
-            |_| {
-                library.sort_errors();
-                let name = unit.as_ref().map_or(std::ptr::null(), |unit| unit.as_ptr());
-                // SAFETY: the name is a text that ends in a zero byte, or null, which means the default device.
-                let device = unsafe { (functions.init_device)(name) };
-                let error = library.newest_error();
-                if device != INVALID && hub.noted().devices.contains_key(&device) {
-                    let which = settings.unit.as_deref().unwrap_or("the first device");
-                    let remedy = "give each tool a device of its own by `unit`";
-                    return Err(Fault::Lost(format!("{which} is open in this program already: {remedy}")));
-                }
-                library.device.store(device, Relaxed);
-                if let Some((_, text)) = error {
-                    library.disable();
-                    return failed(&text);
-                }
-                if device == INVALID {
-                    return failed("the library gives no reason");
-                }
-                hub.noted().devices.insert(device, Activity::Plays);
-                library.found = library.identity();
-                Ok(())
-            },
-        )?;
+        let scheduled = hub.lock(OPEN_WAIT)?;
+        hub.paused(&functions, scheduled, AT_ONCE, |_| {
+            library.sort_errors();
+            let name = unit.as_ref().map_or(std::ptr::null(), |unit| unit.as_ptr());
+            // SAFETY: the name is a text that ends in a zero byte, or null, which means the default device.
+            let device = unsafe { (functions.init_device)(name) };
+            let error = library.newest_error();
+            if device != INVALID && hub.noted().devices.contains_key(&device) {
+                let which = settings.unit.as_deref().unwrap_or("the first device");
+                let remedy = "give each tool a device of its own by `unit`";
+                return Err(Fault::Lost(format!("{which} is open in this program already: {remedy}")));
+            }
+            library.device.store(device, Relaxed);
+            if let Some((_, text)) = error {
+                library.disable();
+                return failed(&text);
+            }
+            if device == INVALID {
+                return failed("the library gives no reason");
+            }
+            hub.noted().devices.insert(device, Activity::Plays);
+            library.found = library.identity();
+            Ok(())
+        })?;
         Ok(library)
     }
 
@@ -252,28 +250,24 @@ impl Library for OpenHaptics {
         let f = &shared.library.functions;
         let data = Arc::as_ptr(&shared).cast_mut().cast();
         let hub = &shared.library.hub;
-        let handle = hub.paused(
-            f,
-            hub.lock(OPEN_WAIT)?,
-            || true,
-            |scheduled| {
-                shared.library.sort_errors();
-                // SAFETY: the library calls `frame` with the address of `shared`, which lives until `Scheduled` has seen to it
-                // that it does so no more; here the scheduler does not run.
-                let handle = unsafe {
-                    (f.make_current_device)(shared.library.device.load(Relaxed));
-                    (f.enable)(FORCE_OUTPUT);
-                    (f.schedule_asynchronous)(frame, data, PRIORITY)
-                };
-                if let Some((_, text)) = shared.library.newest_error() {
-                    // SAFETY: as above.
-                    unsafe { (f.unschedule)(handle) };
-                    return Err(Fault::Lost(format!("nothing can be scheduled with the library: {text}")));
-                }
-                *scheduled += 1;
-                Ok(handle)
-            },
-        )?;
+        let scheduled = hub.lock(OPEN_WAIT)?;
+        let handle = hub.paused(f, scheduled, AT_ONCE, |scheduled| {
+            shared.library.sort_errors();
+            // SAFETY: the library calls `frame` with the address of `shared`, which lives until `Scheduled` has seen to it
+            // that it does so no more; here the scheduler does not run.
+            let handle = unsafe {
+                (f.make_current_device)(shared.library.device.load(Relaxed));
+                (f.enable)(FORCE_OUTPUT);
+                (f.schedule_asynchronous)(frame, data, PRIORITY)
+            };
+            if let Some((_, text)) = shared.library.newest_error() {
+                // SAFETY: as above.
+                unsafe { (f.unschedule)(handle) };
+                return Err(Fault::Lost(format!("nothing can be scheduled with the library: {text}")));
+            }
+            *scheduled += 1;
+            Ok(handle)
+        })?;
         Ok(Scheduled { shared, stop, handle })
     }
 }
@@ -393,7 +387,8 @@ impl OpenHaptics {
             // A fault: it ends the force, which the haptic loop then lets return slowly.
             desk.report(Fault::Lost("another device of the maker is opened or closed".into()));
         }
-        let force = if work.is_calibrated { desk.wrench().force.to_array() } else { [0.0; 3] };
+        let may_push = work.is_calibrated && !is_pausing;
+        let force = if may_push { desk.wrench().force.to_array() } else { [0.0; 3] };
         unsafe {
             (f.set_doublev)(FORCE, force.as_ptr());
             (f.end_frame)(device);
@@ -451,7 +446,7 @@ impl Drop for OpenHaptics {
         if self.device.load(Relaxed) != INVALID
             && let Ok(scheduled) = self.hub.lock(CLOSE_WAIT)
         {
-            self.hub.paused(&self.functions, scheduled, || true, |_| self.disable());
+            self.hub.paused(&self.functions, scheduled, AT_ONCE, |_| self.disable());
         }
     }
 }
