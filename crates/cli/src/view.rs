@@ -180,7 +180,7 @@ fn lead(name: &str, goals: &[Option<Goal>], haptics: &Haptics) -> Lead {
         // After a surface file is dropped onto the window, the new scene gets the haptic device that the user chose.
         let mut scene = Scene { haptics: haptics.clone(), ..simulation.scene().clone() };
         if is_mouse {
-            // No device is opened; those that follow keys do so all the same.
+            // The mouse takes the place of their devices; tools with keys follow them all the same.
             let further = scene.further_tools.iter_mut().filter_map(|tool| tool.haptics.as_mut());
             further.for_each(|haptics| haptics.device = DeviceKind::Scripted);
         }
