@@ -230,13 +230,6 @@ impl Simulation {
         self.last_wrench.as_ref()
     }
 
-    /// The contact wrench of the last step on the first tool, which `input`, that of the step, led; without contact where
-    /// there is no tool.
-    #[doc(hidden)]
-    pub fn contact_wrench_of(&self, input: &DeviceInput) -> ContactWrench {
-        self.last_wrench.unwrap_or_else(|| ContactWrench::nothing_at(input))
-    }
-
     /// The contact wrenches of the last step on the tools that `inputs`, those of that step, led; without contact where
     /// there is no tool.
     #[doc(hidden)]

@@ -10,20 +10,15 @@ use crate::step::tool::{Rows, Tool};
 use crate::step::{ContactWrench, DeviceInput, Gap, RigidState, Simulation, Wrench};
 use crate::{Error, Result};
 
-/// A source of contact wrenches: each step computes one wrench from the loop's state.
+/// A source of contact wrenches: each step computes one for each tool from the loops' states.
 pub trait Environment {
-    /// Simulates `h` s from the given poses and twists of device and tool, and returns the contact wrench
-    /// at the end of the step.
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench>;
+    /// Simulates `h` s from the given poses and twists of devices and tools, those of the first tools of the environment,
+    /// and returns the contact wrench on each at the end of the step.
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>>;
 
-    /// Like [`Environment::feel`], for several devices: `inputs` are those of the first tools, and the result has a
-    /// contact wrench for each. An environment of one tool takes one device.
-    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
-        let [input] = inputs else {
-            let problem = format!("{} haptic devices are given for what has one tool", inputs.len());
-            return Err(Error::Usage(format!("{problem}; give one")));
-        };
-        Ok(vec![self.feel(input, h)?])
+    /// Like [`Environment::feel_each`], with one device.
+    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+        self.feel_each(std::slice::from_ref(input), h).map(|wrenches| wrenches[0])
     }
 
     /// Called after each step when the loop has its wrench: what takes time, but the wrench need not wait for, is done
@@ -33,12 +28,16 @@ pub trait Environment {
     }
 }
 
-impl Environment for Simulation {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        self.step_device_input(input, h)?;
-        Ok(self.contact_wrench_of(input))
-    }
+/// The input of the device for an environment that has one tool.
+///
+/// # Errors
+/// [`Error::Usage`]: there are several devices, or none.
+pub fn of_one(inputs: &[DeviceInput]) -> Result<&DeviceInput> {
+    let problem = || format!("{} haptic devices are given for what has one tool; give one", inputs.len());
+    if let [input] = inputs { Ok(input) } else { Err(Error::Usage(problem())) }
+}
 
+impl Environment for Simulation {
     fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
         self.step_device_inputs(inputs, h)?;
         Ok(self.contact_wrenches(inputs))
@@ -64,7 +63,8 @@ pub struct Wall {
 impl Environment for Wall {
     /// Steps as the simulation does: moves the tool by implicit Euler towards the device's pose, with the device taken
     /// to be at rest; then evaluates the wall's force at the end of the step.
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
+        let input = of_one(inputs)?;
         let tool = &mut self.tool;
         tool.coupling = input.coupling;
         let RigidState { position, orientation, velocity, angular_velocity } = input.tool;
@@ -97,7 +97,7 @@ impl Environment for Wall {
             let distance = tool.centre.y.max(0.0);
             wrench.gap = Some(Gap::rigid(DVec3::Y, distance, self.stiffness));
         }
-        Ok(wrench)
+        Ok(vec![wrench])
     }
 }
 
@@ -171,7 +171,8 @@ impl Cushion {
 }
 
 impl Environment for Cushion {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
+        let input = of_one(inputs)?;
         let device = RigidState::at_rest(input.device.position, input.device.orientation);
         let tool = &mut self.tool;
         tool.coupling = input.coupling;
@@ -207,6 +208,6 @@ impl Environment for Cushion {
             let compliance = 0.5 / self.stiffness;
             wrench.gap = Some(Gap { compliance, ..Gap::rigid(DVec3::Y, distance, self.penalty) });
         }
-        Ok(wrench)
+        Ok(vec![wrench])
     }
 }

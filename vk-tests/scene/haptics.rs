@@ -145,10 +145,10 @@ struct Recorded<'a> {
 }
 
 impl Environment for Recorded<'_> {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
-        let wrench = self.simulation.feel(input, h)?;
-        self.wrenches.push(wrench);
-        Ok(wrench)
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> palpate::Result<Vec<ContactWrench>> {
+        let wrenches = self.simulation.feel_each(inputs, h)?;
+        self.wrenches.extend(&wrenches);
+        Ok(wrenches)
     }
 }
 

@@ -14,6 +14,7 @@ use palpate::internal::haptics::environment::Environment;
 use palpate::internal::haptics::session::{self, Leader, Options, Report};
 use palpate::internal::step::tool::Tool;
 use palpate::internal::step::{ContactWrench, DeviceInput};
+use palpate::scene;
 
 use super::handles::{self, Handled, Lent};
 use super::haptic_device::{Callbacks, is_in_callback, palpate_haptic_device};
@@ -64,10 +65,6 @@ struct Felt<'a> {
 }
 
 impl Environment for Felt<'_> {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
-        self.feel_each(std::slice::from_ref(input), h).map(|wrenches| wrenches[0])
-    }
-
     fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> palpate::Result<Vec<ContactWrench>> {
         let begun = Instant::now();
         let row = self.object.simulation.step_device_inputs(inputs, h);
@@ -265,15 +262,15 @@ unsafe fn start(simulation: *mut palpate_simulation, led: &[Asked], the_loop: &m
             }
             _ => {}
         }
-        let leader = |(index, (asked, tool)): (usize, (&Asked, &&Tool))| {
-            let given = scene.leader(index).expect("every tool has a leader");
+        let leader = |((asked, tool), given): ((&Asked, &&Tool), scene::Leader)| {
             let Asked { device, options, device_name, options_name } = asked;
             let haptics = chosen(options, options_name, &given.haptics)?;
             // SAFETY: the caller keeps the conditions under `# Safety`.
             let device = unsafe { Callbacks::new(*device, device_name, &given.haptics, &given.key)? };
             Ok(Leader { name: given.tool.into(), device: Box::new(device), tool: (*tool).clone(), haptics })
         };
-        let leaders = led.iter().zip(&tools).enumerate().map(leader).collect::<Outcome<Vec<Leader>>>()?;
+        let described = (0..).map_while(|index| scene.leader(index));
+        let leaders = led.iter().zip(&tools).zip(described).map(leader).collect::<Outcome<Vec<Leader>>>()?;
         (leaders, scene.step.dt)
     };
     let durations = led.iter().map(|asked| asked.options.seconds).filter(|seconds| *seconds > 0.0);

@@ -201,7 +201,6 @@ pub(super) struct Facts {
     /// Why the loop ended; empty while the loop runs.
     pub ended: String,
     pub failure: Option<Failure>,
-    is_running: bool,
     /// Whether the haptic devices have been opened.
     has_begun: bool,
 }
@@ -246,6 +245,10 @@ impl Led {
 }
 
 impl Facts {
+    fn is_running(&self) -> bool {
+        self.led.iter().any(|led| led.state.is_running == 1)
+    }
+
     /// The state of every tool.
     fn states(&mut self) -> impl Iterator<Item = &mut palpate_loop_state> {
         self.led.iter_mut().map(|led| &mut led.state)
@@ -261,7 +264,6 @@ impl Told {
             notes: Vec::new(),
             ended: String::new(),
             failure: None,
-            is_running: true,
             has_begun: false,
         };
         Told { told: Mutex::new(facts), changed: Condvar::new() }
@@ -301,7 +303,6 @@ impl Told {
     /// Records how the loop ended, and wakes the threads that wait for the loop to begin (`wait_for_begin`).
     pub fn end(&self, came: Outcome<Vec<Report>>) {
         let mut facts = self.lock();
-        facts.is_running = false;
         for led in &mut facts.led {
             led.state.is_running = 0;
             led.state.late_p99 = led.lateness.quantile(0.99);
@@ -324,7 +325,7 @@ impl Told {
     /// were open.
     pub fn wait_for_begin(&self) -> Outcome {
         let mut facts = self.lock();
-        while !facts.has_begun && facts.is_running {
+        while !facts.has_begun && facts.is_running() {
             facts = self.changed.wait(facts).unwrap_or_else(|poisoned| poisoned.into_inner());
         }
         match (&facts.failure, facts.has_begun) {

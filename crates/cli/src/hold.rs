@@ -140,10 +140,6 @@ struct Watched<'a> {
 }
 
 impl Environment for Watched<'_> {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        self.feel_each(std::slice::from_ref(input), h).map(|wrenches| wrenches[0])
-    }
-
     fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
         let (row, wrenches) = self.engine.step_device_inputs(inputs, h)?;
         self.report = Some(row);

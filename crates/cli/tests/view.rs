@@ -107,20 +107,12 @@ fn the_mouse_presses_a_body_in_a_window_that_is_resized_hidden_and_closed() {
 fn the_key_tab_chooses_the_tool_that_the_mouse_moves() {
     let (folder, display) = (tempfile::tempdir().unwrap(), Display::start());
     let (file, out) = (folder.path().join("two.toml"), folder.path().join("out"));
-    // Beside the block two balls, the tools, over the ground; the third follows its `drive`.
-    let ball = |name: &str, x: f64, more: &str| {
-        format!(
-            "[[body]]\nname = \"{name}\"\nsurface = {{ model = \"sphere\", vertices = 100 }}\nscale = 0.01\n\
-             motion = \"dynamic\"\nmass = 0.05\nposition = [{x:?}, 0.0101, 0.0]\n\
-             [[tool]]\nname = \"{name}\"\nbody = \"{name}\"\ncoupling = {{ stiffness = 500, damping = 5, angular_stiffness = 0.5, angular_damping = 0.002 }}\n{more}"
-        )
-    };
-    let scene = "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = 1e8\n\
-        [[body]]\nname = \"ground\"\nplane = [0.0, 1.0, 0.0, 0.0]\n"
-        .to_owned()
-        + &ball("left", -0.03, "")
-        + &ball("right", 0.03, "")
-        + &ball("driven", 0.09, "drive = { keys = [[0.0, 0.09, 0.0101, 0.0], [0.1, 0.09, 0.0061, 0.0]] }\n");
+    // Beside the two balls, the tools, over the ground, a third follows its `drive`.
+    let driven = "[[body]]\nname = \"c\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\n\
+        motion = \"dynamic\"\nmass = 0.05\nposition = [0.09, 0.0101, 0.0]\n[[tool]]\nname = \"driven\"\nbody = \"c\"\n\
+        coupling = { stiffness = 500, damping = 5, angular_stiffness = 1, angular_damping = 0.01 }\n\
+        drive = { keys = [[0.0, 0.09, 0.0101, 0.0], [0.1, 0.09, 0.0061, 0.0]] }\n";
+    let scene = include_str!("../../../tests/two_tools.toml").to_owned() + driven;
     fs::write(&file, scene).unwrap();
     let [file, out_name] = [&file, &out].map(|path| path.to_str().unwrap());
     let arguments = ["view", file, "--size", "800x600", "--out", out_name, "--validation"];

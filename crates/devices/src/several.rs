@@ -93,10 +93,6 @@ impl Device for Failing {
 struct Walls(Vec<Wall>);
 
 impl Environment for Walls {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> palpate::Result<ContactWrench> {
-        self.0[0].feel(input, h)
-    }
-
     fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> palpate::Result<Vec<ContactWrench>> {
         inputs.iter().zip(&mut self.0).map(|(input, wall)| wall.feel(input, h)).collect()
     }

@@ -179,10 +179,10 @@ pub struct Recorded<'a> {
 }
 
 impl Environment for Recorded<'_> {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        let wrench = self.inner.feel(input, h)?;
-        self.wrenches.push(wrench);
-        Ok(wrench)
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
+        let wrenches = self.inner.feel_each(inputs, h)?;
+        self.wrenches.extend(&wrenches);
+        Ok(wrenches)
     }
 }
 

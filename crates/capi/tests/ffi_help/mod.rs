@@ -41,14 +41,7 @@ angular_damping = 0.002
 "#;
 
 /// Scene text: two rigid spheres of 10 mm above a plane, each a tool with a coupling of its own.
-pub const TWO_TOOLS: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = 1e8\n\
-    [[body]]\nname = \"ground\"\nplane = [0.0, 1.0, 0.0, 0.0]\n\
-    [[body]]\nname = \"a\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
-    mass = 0.05\nposition = [-0.03, 0.0101, 0.0]\n\
-    [[body]]\nname = \"b\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
-    mass = 0.05\nposition = [0.03, 0.0101, 0.0]\n\
-    [[tool]]\nname = \"left\"\nbody = \"a\"\ncoupling = { stiffness = 500, damping = 5, angular_stiffness = 1, angular_damping = 0.01 }\n\
-    [[tool]]\nname = \"right\"\nbody = \"b\"\ncoupling = { stiffness = 1000, damping = 7, angular_stiffness = 1, angular_damping = 0.01 }\n";
+pub const TWO_TOOLS: &str = include_str!("../../../../tests/two_tools.toml");
 
 /// Pose of the haptic device with which the spherical tool is deep in the block.
 pub const DEEP: palpate_pose = palpate_pose { position: [0.0, 0.046, 0.0], orientation: [0.0, 0.0, 0.0, 1.0] };

@@ -62,12 +62,12 @@ impl Walled {
 }
 
 impl Environment for Walled {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        let mut wrench = self.0.feel(input, h)?;
-        if wrench.step == 12 {
-            wrench.pressing = f64::NAN;
+    fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
+        let mut wrenches = self.0.feel_each(inputs, h)?;
+        if wrenches[0].step == 12 {
+            wrenches[0].pressing = f64::NAN;
         }
-        Ok(wrench)
+        Ok(wrenches)
     }
 }
 

@@ -105,10 +105,6 @@ fn one_bit_is_found_and_named_where_it_is() {
 struct Walls([Walled; 2]);
 
 impl Environment for Walls {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        self.0[0].feel(input, h)
-    }
-
     fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
         inputs.iter().zip(&mut self.0).map(|(input, wall)| wall.feel(input, h)).collect()
     }

@@ -68,10 +68,6 @@ struct Felt<'a, 'b> {
 }
 
 impl Environment for Felt<'_, '_> {
-    fn feel(&mut self, input: &DeviceInput, h: f64) -> Result<ContactWrench> {
-        self.feel_each(std::slice::from_ref(input), h).map(|wrenches| wrenches[0])
-    }
-
     fn feel_each(&mut self, inputs: &[DeviceInput], h: f64) -> Result<Vec<ContactWrench>> {
         let mut worker = self.worker.borrow_mut();
         let row = worker.in_turn(|simulation| simulation.step_device_inputs(inputs, h))?;

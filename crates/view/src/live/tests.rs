@@ -37,14 +37,7 @@ fn turn() {
 }
 
 /// A scene in which two balls, the tools, lie on the ground.
-const TWO_TOOLS: &str = "[step]\ngravity = [0.0, 0.0, 0.0]\n[contact]\nstiffness = 1e8\n\
-    [[body]]\nname = \"ground\"\nplane = [0.0, 1.0, 0.0, 0.0]\n\
-    [[body]]\nname = \"a\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
-    mass = 0.05\nposition = [-0.03, 0.0101, 0.0]\n\
-    [[body]]\nname = \"b\"\nsurface = { model = \"sphere\", vertices = 100 }\nscale = 0.01\nmotion = \"dynamic\"\n\
-    mass = 0.05\nposition = [0.03, 0.0101, 0.0]\n\
-    [[tool]]\nname = \"left\"\nbody = \"a\"\ncoupling = { stiffness = 500, damping = 5, angular_stiffness = 1, angular_damping = 0.01 }\n\
-    [[tool]]\nname = \"right\"\nbody = \"b\"\ncoupling = { stiffness = 700, damping = 7, angular_stiffness = 1, angular_damping = 0.01 }\n";
+const TWO_TOOLS: &str = include_str!("../../../../tests/two_tools.toml");
 
 fn simulation(folder: &std::path::Path) -> Simulation {
     simulation_of(folder, SCENE)
