@@ -210,7 +210,8 @@ impl Device for Haply {
             && self.identity.is_some()
             && !self.profile.senses_rotation
         {
-            notes.push(format!("the grip {grip} sleeps, and turns nothing until it wakes: press one of its buttons"));
+            let remedy = "if it sleeps, press one of its buttons";
+            notes.push(format!("the grip {grip} gives no orientation yet, and turns nothing until it does: {remedy}"));
         }
         notes
     }

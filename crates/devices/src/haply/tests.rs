@@ -339,7 +339,11 @@ fn of_two_devices_each_is_turned_by_its_own_grip() {
     }
     let mut asleep = named("A", Some("asleep"));
     asleep.open().unwrap();
-    assert!(asleep.notes().iter().any(|note| note.contains("the grip asleep sleeps")), "{:?}", asleep.notes());
+    assert!(
+        asleep.notes().iter().any(|note| note.contains("the grip asleep gives no orientation")),
+        "{:?}",
+        asleep.notes()
+    );
     let missing = named("A", Some("other")).open().unwrap_err().to_string();
     assert!(missing.contains("no grip \"other\" (it lists left, right, asleep)"), "{missing}");
 }
