@@ -56,7 +56,7 @@ pub struct Haptics {
     /// How to reach the service (a program made by Haply) that connects to a Haply device. The device's home position
     /// and rate are not among these settings; the haptic loop sets them.
     pub haply: HaplyService,
-    /// Which of several devices of a [`DeviceKind::Touch`], [`DeviceKind::ForceDimension`] or [`DeviceKind::SpaceMouse`]:
+    /// Which of several devices of a kind that [has units](DeviceKind::has_units):
     /// its name in the maker's configuration, its serial number, or its name or path in the system. `None`: the first
     /// that is found.
     pub unit: Option<String>,
@@ -134,11 +134,15 @@ pub enum DeviceKind {
     ForceDimension,
     /// A SpaceMouse of 3Dconnexion, or another multi-axis controller: it plays no force.
     SpaceMouse,
+    /// A game pad, which vibrates at most.
+    GamePad,
+    /// A controller of an OpenXR runtime, which vibrates at most.
+    OpenXr,
 }
 
 impl DeviceKind {
     /// Every kind, with its name in a scene file.
-    pub const CHOICES: [(&'static str, DeviceKind); 7] = [
+    pub const CHOICES: [(&'static str, DeviceKind); 9] = [
         ("scripted", DeviceKind::Scripted),
         ("hand", DeviceKind::Hand),
         ("replay", DeviceKind::Replay),
@@ -146,6 +150,8 @@ impl DeviceKind {
         ("touch", DeviceKind::Touch),
         ("force-dimension", DeviceKind::ForceDimension),
         ("space-mouse", DeviceKind::SpaceMouse),
+        ("game-pad", DeviceKind::GamePad),
+        ("openxr", DeviceKind::OpenXr),
     ];
 
     /// Name of the kind in a scene file.
@@ -154,7 +160,7 @@ impl DeviceKind {
     }
 
     /// Checks that a scene may name a profile for this kind of device. That of a Haply must be a Haply's, and can only
-    /// lower the device's own limits; a SpaceMouse has none.
+    /// lower the device's own limits; what plays no force has none.
     ///
     /// # Errors
     /// Problem and remedy, if the profile does not go with the kind.
@@ -164,7 +170,7 @@ impl DeviceKind {
                 let names = HAPLY.each_ref().map(|profile| profile.name).join(" or ");
                 Err(("is not that of a Haply", format!("remove it, or give {names}")))
             }
-            DeviceKind::SpaceMouse => Err(("does not apply to a SpaceMouse, which plays no force", "remove it".into())),
+            _ if !self.plays_force() => Err(("does not apply to a device that plays no force", "remove it".into())),
             _ => Ok(()),
         }
     }
@@ -173,8 +179,19 @@ impl DeviceKind {
     pub fn is_real(self) -> bool {
         match self {
             DeviceKind::Scripted | DeviceKind::Hand | DeviceKind::Replay => false,
-            DeviceKind::Haply | DeviceKind::Touch | DeviceKind::ForceDimension | DeviceKind::SpaceMouse => true,
+            DeviceKind::Haply | DeviceKind::Touch | DeviceKind::ForceDimension => true,
+            DeviceKind::SpaceMouse | DeviceKind::GamePad | DeviceKind::OpenXr => true,
         }
+    }
+
+    /// Whether the device pushes the hand that holds it; otherwise the force is seen, and may be shown by vibration.
+    pub fn plays_force(self) -> bool {
+        !matches!(self, DeviceKind::SpaceMouse | DeviceKind::GamePad | DeviceKind::OpenXr)
+    }
+
+    /// Whether the key `unit` tells several devices of this kind apart.
+    pub fn has_units(self) -> bool {
+        self.is_real() && self != DeviceKind::Haply
     }
 }
 
@@ -235,9 +252,10 @@ pub(super) fn read(root: &Table) -> Result<Haptics> {
     };
     needs("hand", table.has("hand"), DeviceKind::Hand)?;
     needs("haply", table.has("haply"), DeviceKind::Haply)?;
-    let has_units = matches!(haptics.device, DeviceKind::Touch | DeviceKind::ForceDimension | DeviceKind::SpaceMouse);
-    if haptics.unit.is_some() && !has_units {
-        let problem = "belongs to device = \"touch\", \"force-dimension\" or \"space-mouse\"";
+    if haptics.unit.is_some() && !haptics.device.has_units() {
+        let kinds = DeviceKind::CHOICES.iter().filter(|(_, kind)| kind.has_units());
+        let names: Vec<_> = kinds.map(|(name, _)| format!("\"{name}\"")).collect();
+        let problem = format!("belongs to device = {}", names.join(" or "));
         return Err(table.error("unit", problem, "remove it or set `device`"));
     }
     haptics.check_unit().map_err(|(problem, remedy)| table.error("unit", problem, remedy))?;
@@ -266,6 +284,9 @@ impl Haptics {
             }
             DeviceKind::ForceDimension if unit.parse::<u16>().is_err() => {
                 Err(("is no serial number of a device", "give one such as \"12345\""))
+            }
+            DeviceKind::OpenXr if unit != "left" && unit != "right" => {
+                Err(("is no hand", "give \"left\" or \"right\""))
             }
             // A scene of such a device may be rehearsed with another one.
             _ => Ok(()),

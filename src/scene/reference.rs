@@ -656,11 +656,12 @@ pub const HAPTICS: TableKeys = TableKeys {
     keys: &[
         key(
             "device",
-            "`\"scripted\"`, `\"hand\"`, `\"replay\"`, `\"haply\"`, `\"touch\"`, `\"force-dimension\"` or `\"space-mouse\"`",
+            "`\"scripted\"`, `\"hand\"`, `\"replay\"`, `\"haply\"`, `\"touch\"`, `\"force-dimension\"`, \
+             `\"space-mouse\"`, `\"game-pad\"` or `\"openxr\"`",
             "\"scripted\"",
             "What holds the tool: the keys of `[drive]`, a simulated human who means to follow them, a recording, or \
-             a device of Haply, 3D Systems (OpenHaptics) or Force Dimension, or a SpaceMouse, which plays no force. \
-             All but `scripted` start a session without `--haptics`.",
+             a device of Haply, 3D Systems (OpenHaptics) or Force Dimension; or a SpaceMouse, a game pad or an OpenXR \
+             controller, which play no force. All but `scripted` start a session without `--haptics`.",
         ),
         key(
             "profile",
@@ -729,7 +730,8 @@ pub const HAPTICS: TableKeys = TableKeys {
             "text",
             "(the first device)",
             "Which of several devices: its name in the maker's configuration (`touch`), its serial number \
-             (`force-dimension`), or its name or path in the system (`space-mouse`).",
+             (`force-dimension`), its name or path in the system (`space-mouse`, `game-pad`), or the hand, `left` or \
+             `right` (`openxr`).",
         ),
         key("recording", "`\"FILE\"`", "(none)", "The recorded session, for `device = \"replay\"`."),
     ],

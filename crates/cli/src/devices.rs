@@ -12,7 +12,7 @@ use palpate::scene::{DeviceKind, HandParameters, HaplyService, Key, Profile};
 use palpate::{Error, Result};
 use palpate_devices::resolution::Resolution;
 use palpate_devices::safety_check::{self, Finding, Guide};
-use palpate_devices::{ForceDimension, Hand, Haply, SpaceMouse, Touch, haply, vendor};
+use palpate_devices::{ForceDimension, Hand, Haply, Steered, Touch, haply, vendor};
 
 use crate::signals::Stop;
 use crate::{engine, print, tell};
@@ -110,8 +110,10 @@ fn list_haptic(arguments: &Arguments) -> Result<()> {
         let name = kind.to_possible_value().map_or_else(String::new, |value| value.get_name().into());
         devices.push((name, haptic_device(kind, arguments)?));
     }
-    let space_mouse = SpaceMouse::new(None, DVec3::ZERO, DQuat::IDENTITY);
-    devices.push((DeviceKind::SpaceMouse.name().into(), Box::new(space_mouse)));
+    for kind in [DeviceKind::SpaceMouse, DeviceKind::GamePad, DeviceKind::OpenXr] {
+        let device = Steered::new(kind, None, DVec3::ZERO, DQuat::IDENTITY);
+        devices.push((kind.name().into(), Box::new(device)));
+    }
     for (name, mut device) in devices {
         let found = match device.open() {
             Ok(()) => {

@@ -16,7 +16,7 @@ use palpate::scene::profile::PROFILES;
 use palpate::scene::{DeviceKind, HaplyService, Haptics, Key, Leader, Profile};
 use palpate::{Error, Result, Scene, Simulation, StepReport};
 use palpate_devices::record::{self, Header, Outcome, Recording};
-use palpate_devices::{ForceDimension, Hand, Haply, Replay, Scripted, SpaceMouse, Touch, haply, vendor};
+use palpate_devices::{ForceDimension, Hand, Haply, Replay, Scripted, Steered, Touch, haply, vendor};
 use palpate_page::Reduced;
 
 use crate::engine::Engine;
@@ -72,6 +72,10 @@ fn device_of(scene: &Scene, leader: &Leader, elapsed: f64, start: Key) -> Result
     let wrong = |key: &str, problem: &str, remedy: &str| {
         Error::key(&scene.file, format!("{}.{key}", leader.key), problem, remedy)
     };
+    if let (Some(profile), false) = (haptics.profile, haptics.device.plays_force()) {
+        let device = haptics.device.name();
+        tell(&format!("the scene's profile {} does not apply to {device}, which plays no force", profile.name));
+    }
     Ok(match haptics.device {
         DeviceKind::Scripted => {
             Box::new(Scripted::new(trajectory, profile_of(haptics, "scripted"), 1.0 / haptics.rate))
@@ -107,12 +111,10 @@ fn device_of(scene: &Scene, leader: &Leader, elapsed: f64, start: Key) -> Result
             device.identify().map_err(no_device)?;
             Box::new(device)
         }
-        DeviceKind::SpaceMouse => {
-            if let Some(profile) = haptics.profile {
-                let name = profile.name;
-                tell(&format!("the scene's profile {name} does not apply to a SpaceMouse, which plays no force"));
-            }
-            Box::new(SpaceMouse::new(haptics.unit.clone(), start.position, start.orientation))
+        kind @ (DeviceKind::SpaceMouse | DeviceKind::GamePad | DeviceKind::OpenXr) => {
+            let mut steered = Steered::new(kind, haptics.unit.clone(), start.position, start.orientation);
+            steered.identify().map_err(no_device)?;
+            Box::new(steered)
         }
     })
 }
@@ -280,10 +282,11 @@ fn are_apart(a: &Haptics, b: &Haptics) -> bool {
             let without = |grip: &Option<String>| grip.as_deref() == Some(HaplyService::NO_GRIP);
             differ(&a.device_id, &b.device_id) && (differ(&a.grip, &b.grip) || without(&a.grip) || without(&b.grip))
         }
-        (DeviceKind::Touch, DeviceKind::Touch)
-        | (DeviceKind::ForceDimension, DeviceKind::ForceDimension)
-        | (DeviceKind::SpaceMouse, DeviceKind::SpaceMouse) => differ(&a.unit, &b.unit),
-        _ => true,
+        (DeviceKind::OpenXr, DeviceKind::OpenXr) => {
+            let hand = |unit: &Option<String>| unit.clone().unwrap_or_else(|| "right".into());
+            hand(&a.unit) != hand(&b.unit)
+        }
+        (one, other) => one != other || !one.has_units() || differ(&a.unit, &b.unit),
     }
 }
 

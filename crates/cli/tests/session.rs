@@ -160,6 +160,7 @@ fn two_devices_are_held_recorded_and_replayed() {
         ),
         (["device = \"touch\", unit = \"Left Device\""; 2], "; give each a `unit` of its own"),
         (["device = \"space-mouse\", unit = \"/dev/hidraw9\""; 2], "; give each a `unit` of its own"),
+        (["device = \"openxr\", unit = \"right\"", "device = \"openxr\""], "; give each a `unit` of its own"),
     ] {
         fs::write(at("twice.toml"), two_devices(devices)).unwrap();
         let (status, _, error) = palpate(&["run", &at("twice.toml")]);
@@ -437,23 +438,31 @@ fn a_device_is_driven_through_the_library_of_its_maker() {
     };
     let (status, found) = list(folder.path());
     let lines: Vec<&str> = found.lines().collect();
-    assert!(status == Some(0) && lines.len() == 4, "status {status:?}: {found}");
-    assert!(lines[3].starts_with("space-mouse "), "{found}");
+    assert!(status == Some(0) && lines.len() == 6, "status {status:?}: {found}");
+    let without_force = ["space-mouse ", "game-pad ", "openxr "];
+    assert!(without_force.iter().zip(&lines[3..]).all(|(name, line)| line.starts_with(name)), "{found}");
     assert!(lines[1].starts_with("touch            profile touch") && lines[2].contains("profile sigma.7"), "{found}");
     let (status, found) = list(Path::new("/nowhere"));
     assert!(status == Some(3) && found.contains("install OpenHaptics"), "status {status:?}: {found}");
 }
 
-/// A scene of another device is held by a SpaceMouse: its profile is said to be left out, and a unit that is not there is
-/// named.
+/// A scene of another device is held by one without force: its profile is said to be left out, and a unit that is not
+/// there is named.
 #[test]
-fn a_space_mouse_that_is_absent_is_told() {
+fn a_device_without_force_that_is_absent_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let keys = "[haptics]\ndevice = \"force-dimension\"\nunit = \"12345\"\nprofile = \"sigma.7\"\n";
     let file = scene(folder.path(), keys);
-    let (status, _, said) = palpate(&["run", "--haptics", "space-mouse", file.to_str().unwrap()]);
-    assert!(status == 3 && said.contains("profile sigma.7 does not apply to a SpaceMouse"), "status {status}: {said}");
-    assert!(said.contains("controller called 12345 is plugged in") || said.contains("on Linux alone"), "{said}");
+    for (device, words) in [
+        ("space-mouse", "controller called 12345 is plugged in"),
+        ("game-pad", "no game pad called 12345"),
+        ("openxr", "12345 is no hand; give left or right"),
+    ] {
+        let (status, _, said) = palpate(&["run", "--haptics", device, file.to_str().unwrap()]);
+        let left_out = format!("profile sigma.7 does not apply to {device}, which plays no force");
+        assert!(status == 3 && said.contains(&left_out), "status {status}: {said}");
+        assert!(said.contains(words) || said.contains("on Linux alone"), "{said}");
+    }
 }
 
 /// The check of a device, rehearsed with the simulated hand.

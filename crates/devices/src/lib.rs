@@ -17,9 +17,11 @@ pub mod safety_check;
 pub mod scripted;
 #[cfg(test)]
 mod several;
-pub mod space_mouse;
 #[cfg(test)]
 mod steady;
+// Its hardware is read on Linux alone.
+#[cfg_attr(not(target_os = "linux"), allow(dead_code))]
+pub mod steered;
 #[allow(unsafe_code)]
 pub mod vendor;
 
@@ -29,5 +31,5 @@ pub use haply::Haply;
 pub use mouse::Mouse;
 pub use replayed::Replay;
 pub use scripted::Scripted;
-pub use space_mouse::SpaceMouse;
+pub use steered::Steered;
 pub use vendor::{ForceDimension, Touch};

@@ -40,7 +40,7 @@ struct Shared {
     /// Position and orientation (x y z w), each as the bits of an f64.
     numbers: [AtomicU64; 7],
     is_pressed: AtomicBool,
-    /// The goal for the threads that set it; the device never takes this lock.
+    /// The goal for the threads that set it; [`Mouse`] never takes this lock.
     own: Mutex<Pose>,
 }
 
