@@ -205,7 +205,13 @@ fn open(kind: DeviceKind, unit: Option<&str>) -> Result<Box<dyn Hardware>, Strin
         (DeviceKind::GamePad, unit) => game_pad::open(unit),
         #[cfg(target_os = "linux")]
         (DeviceKind::OpenXr, unit) => openxr::open(unit),
-        _ => Err(format!("device {} cannot be steered, or on Linux alone; use the mouse", kind.name())),
+        (kind, _) => {
+            let known = "a SpaceMouse, a game pad and an OpenXR controller, on Linux alone so far";
+            Err(format!(
+                "{} is none of the devices without force that palpate reads ({known}); use the mouse",
+                kind.name()
+            ))
+        }
     }
 }
 

@@ -374,8 +374,8 @@ class Simulation:
         Args:
             seconds: Duration, s.
             device: ``"scripted"`` (follows the scene's ``[drive]``), ``"hand"`` (a simulated hand), ``"haply"``,
-                ``"touch"``, ``"force-dimension"`` or ``"replay"``; ``None``: the scene's. It is that of the first
-                tool.
+                ``"touch"``, ``"force-dimension"``, ``"space-mouse"``, ``"game-pad"``, ``"openxr"`` or ``"replay"``;
+                ``None``: the scene's. It is that of the first tool.
             watch: Called on this thread with the newest :class:`Sample`. If it returns ``False``, the loop ends; if it
                 raises, too, and the error comes out of this call. It may not call the simulation.
             every: Time between two calls of ``watch``, s.
