@@ -3,8 +3,6 @@
 //! as a test's script says. Every wait is bounded.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
-use std::sync::atomic::Ordering::SeqCst;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -364,7 +362,8 @@ fn the_first_device_stays_the_one_however_they_are_listed_later() {
     assert!(fake.heard().iter().all(|h| h.message["inverse3"][0]["device_id"] == "A"));
 }
 
-/// Measures how many messages per second the fake service receives, and the intervals between them.
+/// The fake service receives no more messages per second than were asked for, however late some of them are. Prints how
+/// many it receives, and the intervals between them.
 #[test]
 #[ignore = "lasting: measures message rates for 30 s"]
 fn lasting_rate_held() {
@@ -376,12 +375,11 @@ fn lasting_rate_held() {
             ..Settings::default()
         });
         device.open().unwrap();
-        let loops = Arc::new(AtomicUsize::new(0));
-        let started = Instant::now();
+        let (mut lost, started) = (0, Instant::now());
         while started.elapsed() < Duration::from_secs(10) {
-            device.read(0.0).unwrap();
-            device.write(&push(DVec3::X)).unwrap();
-            loops.fetch_add(1, SeqCst);
+            // On a busy machine the service is silent for a while.
+            let is_lost = device.read(0.0).is_err() || device.write(&push(DVec3::X)).is_err();
+            lost += usize::from(is_lost);
             thread::sleep(ms(1));
         }
         device.close();
@@ -390,10 +388,11 @@ fn lasting_rate_held() {
         gaps.sort_by(f64::total_cmp);
         let at = |p: f64| gaps[((gaps.len() - 1) as f64 * p) as usize];
         let seconds = (heard[heard.len() - 1].at - heard[0].at).as_secs_f64();
+        let received = heard.len() as f64 / seconds;
+        assert!(received <= 1.01 * rate, "requested {rate} Hz: {received} messages/s");
         println!(
-            "requested {rate} Hz: {:.1} messages/s; intervals between messages: median {:.3} ms, 99th percentile \
-             {:.3} ms, 99.9th percentile {:.3} ms, longest {:.3} ms",
-            heard.len() as f64 / seconds,
+            "requested {rate} Hz: {received:.1} messages/s; intervals between messages: median {:.3} ms, 99th percentile \
+             {:.3} ms, 99.9th percentile {:.3} ms, longest {:.3} ms; lost in {lost} ticks",
             at(0.5),
             at(0.99),
             at(0.999),
