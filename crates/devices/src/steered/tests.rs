@@ -203,8 +203,7 @@ fn a_vibration_is_renewed_before_it_ends_and_told_no_more_often_than_it_changes(
 
 #[test]
 fn a_driver_that_hangs_or_panics_is_a_lost_device_and_holds_up_nobody() {
-    let silence = SILENCE.as_millis() as u64;
-    for fault in [News::Hung(4 * silence), News::Panicked] {
+    for fault in [News::Hung(60_000), News::Panicked] {
         let (sender, receiver) = channel();
         let mut bench = plugged(vec![receiver]);
         bench.device.open().unwrap();
@@ -217,7 +216,7 @@ fn a_driver_that_hangs_or_panics_is_a_lost_device_and_holds_up_nobody() {
         assert!(fault.contains("has not answered for "), "{fault}");
         assert_eq!(bench.device.goal.pose(), place, "a lost device moves nothing");
         bench.device.close();
-        assert!(begun.elapsed() < 2 * CLOSING, "closing took {:?}", begun.elapsed());
+        assert!(begun.elapsed() < Duration::from_secs(30), "closing waited for the driver");
     }
 }
 
