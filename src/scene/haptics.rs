@@ -56,9 +56,9 @@ pub struct Haptics {
     /// How to reach the service (a program made by Haply) that connects to a Haply device. The device's home position
     /// and rate are not among these settings; the haptic loop sets them.
     pub haply: HaplyService,
-    /// Which of several devices of a kind that [has units](DeviceKind::has_units):
-    /// its name in the maker's configuration, its serial number, or its name or path in the system. `None`: the first
-    /// that is found.
+    /// Which of several devices of a kind that [has units](DeviceKind::has_units): its name in the maker's
+    /// configuration, its serial number, its name or path in the system, or the hand, `left` or `right`. `None`: the
+    /// first that is found, the right hand.
     pub unit: Option<String>,
     /// File with the recording of an earlier run of the haptic loop, which is replayed, for device = "replay".
     pub recording: Option<PathBuf>,

@@ -110,9 +110,8 @@ fn list_haptic(arguments: &Arguments) -> Result<()> {
         let name = kind.to_possible_value().map_or_else(String::new, |value| value.get_name().into());
         devices.push((name, haptic_device(kind, arguments)?));
     }
-    for kind in [DeviceKind::SpaceMouse, DeviceKind::GamePad, DeviceKind::OpenXr] {
-        let device = Steered::new(kind, None, DVec3::ZERO, DQuat::IDENTITY);
-        devices.push((kind.name().into(), Box::new(device)));
+    for (name, kind) in DeviceKind::CHOICES.into_iter().filter(|(_, kind)| !kind.plays_force()) {
+        devices.push((name.into(), Box::new(Steered::new(kind, None, DVec3::ZERO, DQuat::IDENTITY))));
     }
     for (name, mut device) in devices {
         let found = match device.open() {

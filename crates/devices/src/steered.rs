@@ -101,7 +101,7 @@ impl Steering {
         self.is_lost.store(false, Relaxed);
     }
 
-    fn hear(&self) {
+    fn note_answer(&self) {
         self.answered.store(self.begin.elapsed().as_millis() as u64, Relaxed);
     }
 
@@ -269,7 +269,7 @@ fn follow(steering: &Steering, opens: &Opens, unit: Option<&str>, first: Box<dyn
                 steering.find_again();
             }),
         };
-        steering.hear();
+        steering.note_answer();
         match followed {
             Ok(()) => {}
             Err(Loss::ForNow(why)) => {

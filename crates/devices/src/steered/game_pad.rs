@@ -42,13 +42,10 @@ pub(super) struct Sticks([bool; 4]);
 impl Sticks {
     /// The shares by which sticks are pushed; an axis that was not released yet counts as released.
     pub(super) fn released_once(&mut self, shares: [f64; 4]) -> [f64; 4] {
-        let known = self.0.iter_mut().zip(shares).map(|(known, share)| {
-            *known |= share.abs() < DEAD;
-            if *known { share } else { 0.0 }
-        });
-        let mut pushed = [0.0; 4];
-        pushed.iter_mut().zip(known).for_each(|(pushed, share)| *pushed = share);
-        pushed
+        std::array::from_fn(|k| {
+            self.0[k] |= shares[k].abs() < DEAD;
+            if self.0[k] { shares[k] } else { 0.0 }
+        })
     }
 }
 
