@@ -14,8 +14,8 @@ static SET: AtomicBool = AtomicBool::new(false);
 /// Number of lavapipe's threads besides the one that calls Vulkan; other drivers ignore it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Threads {
-    /// No further threads for a scene with less than 17,000 tetrahedra, where waking threads costs more (some 50 us per
-    /// dispatch) than the threads save; the driver's default for larger scenes. `Simulation::open` makes this choice.
+    /// No further threads for a scene with less than 10,000 tetrahedra, where waking threads for each dispatch costs as
+    /// much as they save; the driver's default for larger scenes. `Simulation::open` makes this choice.
     Auto,
     /// This number of threads besides the calling one.
     Count(u32),

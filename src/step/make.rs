@@ -30,7 +30,7 @@ use crate::{Error, Result, memory};
 
 /// Number of tetrahedra below which a Vulkan device that is a CPU is faster on the calling thread alone than with
 /// worker threads, which it would have to wake for each pass (docs/evidence/benchmarks.md).
-const LITTLE_WORK: usize = 17_000;
+const LITTLE_WORK: usize = 10_000;
 
 /// Number of tetrahedra into which each cell of a layer is cut, where the scene gives the layer as a box of cuboid
 /// cells.

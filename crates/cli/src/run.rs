@@ -65,7 +65,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N")]
     workgroup: Option<u32>,
     /// Worker threads of Mesa's CPU driver lavapipe, unless the environment variable LP_NUM_THREADS is set: a number,
-    /// "auto" (none below 17000 tetrahedra, else the driver's default) or "driver" (the driver's default)
+    /// "auto" (none below 10000 tetrahedra, else the driver's default) or "driver" (the driver's default)
     #[arg(long, value_name = "N", default_value = "auto", value_parser = lavapipe_threads)]
     threads: LavapipeThreads,
     /// Implementation of the depth stage (which finds how deep vertices lie within other bodies) to use instead of the
