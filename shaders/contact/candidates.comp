@@ -41,18 +41,18 @@ layout(constant_id = 3) const bool SKINS = true;  // whether rays run; false: ve
 layout(constant_id = 4) const bool OVERLAPS = false;  // whether pairs exist whose contacts are found by triangles
 layout(constant_id = 5) const uint SLOTS = CHUNK_VERTICES;  // places for candidates of an active chunk: 64 or, with OVERLAPS, 128
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
 READ_ONLY(uvec4, chunk_vertices);      // skin vertices, chunk by chunk, four per texel
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
-layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };  // weights of patches at each proxy's vertices, in each pair
+READ_ONLY(vec4, contact_patches);
+READ_ONLY(vec4, shares);                 // weights of patches at each proxy's vertices, in each pair
 READ_ONLY(uvec4, triangles);           // three skin vertices of each triangle
 READ_ONLY(vec4, skin);
-layout(scalar) readonly buffer FanFirst { uint fan_first[]; };     // first entry of each vertex in `fans`, then the end
-layout(scalar) readonly buffer Fans { uint fans[]; };              // triangles around each vertex
+READ_ONLY(uvec4, fan_first);       // four per texel: first entry of each vertex in `fans`, then the end
+READ_ONLY(uvec4, fans);            // four per texel: triangles around each vertex
 layout(scalar) readonly buffer Areas { float areas[]; };          // rest area of each vertex, m^2
 READ_ONLY(uvec4, entry_hits);           // first hit on the ray of each vertex in a work item, four per texel
 READ_ONLY(uvec4, hits);  // triangle, next hit on the ray, bits of the depth, 2 * triangle's work item + (1: front)
@@ -69,6 +69,8 @@ READ_ONLY(uvec4, chunk_triangles);      // triangles of chunks, four per texel
 layout(scalar) readonly buffer Overlaps { Overlap overlaps[]; };
 layout(scalar) readonly buffer OverlapAt { uint overlap_at[]; };   // CHUNK_TRIANGLES for each work item: overlap, or NONE
 
+#include "shared/contact_patch.glsl"
+
 // Cosines of the angle between a contact's normal and a triangle around a vertex: above the second the triangle is a
 // face that lies on the contact, below the first it is none. Where there is a face, what is steeper than WALL counts
 // the less the steeper it is.
@@ -80,8 +82,9 @@ const float WALL = 0.5;
 vec3 outward_normal(uint vertex, vec3 towards, out vec3 faced) {
     vec3 all = vec3(0.0), facing = vec3(0.0);
     float greatest = 0.0;
-    for (uint k = fan_first[vertex]; k < fan_first[vertex + 1]; k++) {
-        uvec3 corners = fetch(triangles, fans[k]).xyz;
+    uint begin = fetch(fan_first, vertex / 4)[vertex % 4], end = fetch(fan_first, (vertex + 1) / 4)[(vertex + 1) % 4];
+    for (uint k = begin; k < end; k++) {
+        uvec3 corners = fetch(triangles, fetch(fans, k / 4)[k % 4]).xyz;
         vec3 p = fetch(skin, corners.x).xyz;
         vec3 area = cross(fetch(skin, corners.y).xyz - p, fetch(skin, corners.z).xyz - p);
         float length2 = dot(area, area);
@@ -186,18 +189,18 @@ void find_candidates(ActiveChunk entry, Chunk chunk, Pair pair) {
             depths[0] = hit.x;
         } else {
             uint work_item = entry.first_work_item;
-            for (uint r = 0; r < PAIR_PATCHES; r++) {
-                if ((entry.contact_patches & (1u << r)) == 0) continue;
+            for (uint left = entry.contact_patches; left != 0; left &= left - 1) {
+                uint r = findLSB(left);
                 uint hash_entry = work_item * CHUNK_VERTICES + l;
                 work_item += 1;
                 bool through;
                 uvec3 nearest = nearest_ray_hit(hash_entry, through);
                 if (nearest.x == NONE || (nearest.y & 1) == 0) continue;
-                ContactPatch contact_patch = contact_patches[(entry.side / 2) * PAIR_PATCHES + r];
+                ContactPatch contact_patch = contact_patch_at((entry.side / 2) * PAIR_PATCHES + r);
                 vec3 found = ray_hit(contact_patch, fetch(skin, vertex).xyz, nearest.x, side_b ? 1.0 : -1.0);
                 if (is_nan(found.x) || found.x <= 0.0) continue;
                 depths[r] = found.x;
-                weights[r] = shares[entry.pair_proxy * PAIR_PATCHES + r] / max(found.x * found.x, 1.0e-30);
+                weights[r] = fetch(shares, entry.pair_proxy)[r] / max(found.x * found.x, 1.0e-30);
                 if (weights[r] > strongest) {
                     strongest = weights[r];
                     folded = through;
@@ -216,7 +219,7 @@ void find_candidates(ActiveChunk entry, Chunk chunk, Pair pair) {
             if (weight == 0.0) continue;
             all += weight;
             depth += weight * depths[r];
-            normal += weight * contact_patches[(entry.side / 2) * PAIR_PATCHES + r].normal;
+            normal += weight * contact_patch_at((entry.side / 2) * PAIR_PATCHES + r).normal;
         }
         depth /= all;
         // Where normals cancel, for a vertex between two opposite patches, no contact normal can be chosen.
@@ -269,14 +272,14 @@ void find_overlapping(ActiveChunk entry, Chunk chunk, Pair pair) {
         uint places[PAIR_PATCHES];
         Overlap nearest;
         uint work_item = entry.first_work_item;
-        for (uint r = 0; r < PAIR_PATCHES; r++) {
-            weights[r] = 0.0;
-            if ((entry.contact_patches & (1u << r)) == 0) continue;
+        for (uint r = 0; r < PAIR_PATCHES; r++) weights[r] = 0.0;
+        for (uint left = entry.contact_patches; left != 0; left &= left - 1) {
+            uint r = findLSB(left);
             places[r] = overlap_at[work_item++ * CHUNK_TRIANGLES + l];
             if (places[r] == NONE) continue;
             Overlap found = overlaps[places[r]];
             float depth = found.volume / found.area;
-            weights[r] = shares[entry.pair_proxy * PAIR_PATCHES + r] / max(depth * depth, 1.0e-30);
+            weights[r] = fetch(shares, entry.pair_proxy)[r] / max(depth * depth, 1.0e-30);
             if (weights[r] > strongest) {
                 strongest = weights[r];
                 nearest = found;
@@ -295,7 +298,7 @@ void find_overlapping(ActiveChunk entry, Chunk chunk, Pair pair) {
             volume += weight * found.volume;
             stiff_volume += weight * found.stiffening * found.volume;
             push += weight * found.push;
-            normal += weight * contact_patches[(entry.side / 2) * PAIR_PATCHES + r].normal;
+            normal += weight * contact_patch_at((entry.side / 2) * PAIR_PATCHES + r).normal;
         }
         if (dot(normal, normal) <= 1.0e-6 * all * all) {
             atomicOr(counts.flags, FLAG_NOT_HEIGHT_FIELD);

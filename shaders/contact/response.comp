@@ -26,7 +26,7 @@ layout(constant_id = 4) const bool TOOL = true;  // true: a rigid tool exists; f
 layout(constant_id = 6) const uint RIGIDS = 0;  // rigid bodies among the unknowns; the tool is the last
 layout(constant_id = 3) const uint LISTS = 8;    // lists of a node, as many as a workgroup of contact/sort has lanes
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 READ_ONLY(vec4, candidate_normals);
@@ -41,7 +41,7 @@ READ_ONLY(vec4, velocity);
 READ_ONLY(vec4, solution);      // change of each node's velocity over the last step, m/s
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) readonly buffer Frames { Frame frames[]; };
+READ_ONLY(uvec4, frames);
 layout(scalar) writeonly buffer Contacts { Contact contacts[]; };
 layout(scalar) writeonly buffer EntryNodes { uvec4 entry_nodes[]; };  // four quads (groups of four nodes) per contact
 layout(scalar) writeonly buffer EntryWeights { vec4 entry_weights[]; };
@@ -50,6 +50,8 @@ layout(scalar) buffer NodeLists { uint node_lists[]; };  // LISTS heads per node
 layout(scalar) writeonly buffer NextEntries { uint next_entries[]; };     // the entry after each in its list
 layout(scalar) writeonly buffer TouchedNodes { uint touched_nodes[]; };   // every node with entries
 layout(scalar) buffer Args { uint args[]; };
+
+#include "shared/frame.glsl"
 
 uint quads = 0;
 uvec4 nodes[4];
@@ -146,7 +148,7 @@ void main() {
     for (uint k = 0; k < 2; k++) {
         // A kinematic rigid body (one whose motion is prescribed) contributes the velocity of its frame.
         if (pair.kinematic_frame[k] == NONE) continue;
-        Frame frame = frames[pair.kinematic_frame[k]];
+        Frame frame = frame_at(pair.kinematic_frame[k]);
         vec3 v = (k == 0 ? 1.0 : -1.0) * (frame.linear + cross(frame.angular, at - frame.centre));
         rate += dot(n, v);
         relative += v;
@@ -163,5 +165,5 @@ void main() {
         friction = friction_coefficient(force, predicted, params.friction, params.friction_speed);
     }
     contacts[c] = Contact(n, found.w, arm, pair.tool_sign, found.x, rate, stiffness, damping, friction, slip, quads,
-        vertex, side, triangle, found.yz);
+        vertex, side, triangle, found.yz, vec2(0.0));
 }

@@ -29,18 +29,20 @@ layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
 layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar) readonly buffer Chunks { Chunk chunks[]; };
+READ_ONLY(uvec4, chunks);
 READ_ONLY(uvec4, chunk_nodes);       // two per texel: node, link from the proxy's frame to the node's frame
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
-layout(scalar) readonly buffer Links { Link links[]; };
-layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
+READ_ONLY(vec4, links);
+READ_ONLY(vec4, contact_patches);
 layout(scalar) readonly buffer Boxes { vec3 boxes[]; };  // two corners of each box, PAIR_PATCHES boxes per pair proxy
 layout(scalar) readonly buffer ProxyPatches { uint proxy_patches[]; };    // bit mask of each pair proxy's patches
 layout(scalar) writeonly buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // x: bit mask of each chunk's patches
 layout(scalar) writeonly buffer Slabs { Slab slabs[]; };     // bounds of chunks, PAIR_PATCHES per chunk of a pair proxy
 layout(scalar) buffer DepthGrids { uint depth_grids[]; };             // min-max depth grids, see shared/depth_grid.glsl
 
+#include "shared/chunk.glsl"
+#include "shared/contact_patch.glsl"
 #include "shared/link.glsl"
 #include "shared/moved.glsl"
 
@@ -109,9 +111,9 @@ void main() {
     Pair pair = pairs[pair_proxy.pair];
     Proxy proxy = proxies[pair_proxy.proxy];
     Frame frame = frames[proxy.frame];
-    uint bits = proxy_patches[pair_proxy_index];
+    uint bits = proxy_patches[pair_proxy_index] & ((1u << PAIR_PATCHES) - 1);
     for (uint k = gl_LocalInvocationID.x; k < proxy.chunk_count; k += SIZE) {
-        Chunk chunk = chunks[proxy.chunk_first + k];
+        Chunk chunk = chunk_at(proxy.chunk_first + k);
         vec3 middle, spread;
         spread_of(chunk, middle, spread);
         vec3 centre = frame.centre + rotate(frame.rotation, chunk.centre + middle);
@@ -122,9 +124,9 @@ void main() {
             rotate(frame.rotation, vec3(0.0, spread.y, 0.0)), rotate(frame.rotation, vec3(0.0, 0.0, spread.z)));
         float rounding = 1.0e-6 * (1.0 + length(centre));
         uint found = 0;
-        for (uint r = 0; r < PAIR_PATCHES; r++) {
-            if ((bits & (1u << r)) == 0) continue;
-            ContactPatch contact_patch = contact_patches[pair_proxy.pair * PAIR_PATCHES + r];
+        for (uint left = bits; left != 0; left &= left - 1) {
+            uint r = findLSB(left);
+            ContactPatch contact_patch = contact_patch_at(pair_proxy.pair * PAIR_PATCHES + r);
             mat3 axes = mat3(contact_patch.tangent, contact_patch.bitangent, contact_patch.normal);
             vec3 reach = abs(along[0] * axes) + abs(along[1] * axes) + abs(along[2] * axes)
                 + abs(around[0] * axes) + abs(around[1] * axes) + abs(around[2] * axes) + rounding;

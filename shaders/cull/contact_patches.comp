@@ -27,10 +27,9 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const float FOLLOW = 1.0;          // share of its rotation that a normal makes in one step
-layout(constant_id = 3) const uint BUCKETS = 1;  // number of lists of the spatial hash; their heads begin `buckets`
 layout(constant_id = 1) const uint MOST_CELLS = 128;      // most cells of the spatial hash along a side of a patch
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(scalar) readonly buffer Bounds { ProxyBounds bounds[]; };
@@ -46,7 +45,6 @@ layout(scalar) writeonly buffer DepthGrids { uint depth_grids[]; };  // min-max 
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) buffer Args { uint args[]; };
 layout(scalar) coherent buffer NearPairs { uint near_pairs[]; };  // proxy pairs with a direction, in order
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // heads of hash lists; depth grids of vertices (cleared)
 
 #include "shared/sum.glsl"
 #include "shared/depth_grid.glsl"
@@ -283,13 +281,11 @@ void hull_box(uint id, mat3 axes, bool exact, out vec3 least, out vec3 greatest)
     }
 }
 
-// Empties the depth grids of a patch: of chunks (`depth_grids`), and of vertices (`buckets`).
+// Empties the depth grids of a patch's chunks.
 void clear_grids(uint contact_patch, uint lane) {
     for (uint k = lane; k < GRID * GRID; k += SIZE) {
         depth_grids[grid_first(contact_patch, 0) + k] = 0;
         depth_grids[grid_first(contact_patch, 1) + k] = NONE;
-        buckets[BUCKETS + grid_first(contact_patch, 0) + k] = NONE;
-        buckets[BUCKETS + grid_first(contact_patch, 1) + k] = NONE;
     }
 }
 
@@ -389,7 +385,7 @@ void open_contact_patch(Pair pair, uint r, uint first_patch) {
     if (touches && all_pushes >= least_push) atomicMax(counts.turn, floatBitsToUint(turn));
     contact_patches[first_patch + r] =
         ContactPatch(normals[r], axes[0], axes[1], column_low, column_high, cells_per_metre,
-            touches ? strength[r] : 0.0, turn);
+            touches ? strength[r] : 0.0, turn, float[3](0.0, 0.0, 0.0));
 }
 
 // Writes the one patch of a skin and a half-space, and activates the pair proxies that may reach below the half-space's
@@ -408,7 +404,8 @@ void open_plane(Pair pair, uint first_patch) {
     }
     if (lane == 0) {
         contact_patches[first_patch] =
-            ContactPatch(axes[2], axes[0], axes[1], vec2(0.0), vec2(0.0), float[2](1.0, 1.0), 1.0, 0.0);
+            ContactPatch(axes[2], axes[0], axes[1], vec2(0.0), vec2(0.0), float[2](1.0, 1.0), 1.0, 0.0,
+                float[3](0.0, 0.0, 0.0));
     }
 }
 

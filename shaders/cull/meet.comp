@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_GOOGLE_include_directive : require
+#include "shared/arrays.glsl"
 #include "shared/types.glsl"
 #include "shared/depth_grid.glsl"
 #include "shared/args.glsl"
@@ -26,7 +27,7 @@ layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
 layout(scalar) readonly buffer ActivePairProxies { uint active_pair_proxies[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
-layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
+READ_ONLY(vec4, contact_patches);
 layout(scalar) readonly buffer Slabs { Slab slabs[]; };  // bounds of chunks, PAIR_PATCHES per chunk of a pair proxy
 layout(scalar) readonly buffer DepthGrids { uint depth_grids[]; };               // see shared/depth_grid.glsl
 layout(scalar) coherent buffer PairProxyChunks { uvec2 pair_proxy_chunks[]; };  // patch mask; later see list_pair_proxy
@@ -36,13 +37,15 @@ layout(scalar) writeonly buffer WorkItems { uvec2 work_items[]; };  // active ch
 layout(scalar) coherent buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer Args { uint args[]; };
 
+#include "shared/contact_patch.glsl"
+
 shared uint masks[SIZE];
 shared uvec2 totals[SIZE];
 shared bool is_last;
 
 // Whether a chunk of `side` may reach a chunk of the other side in some cell of a patch's depth grid.
 bool meets_grid(uint patch_index, uint side, Slab slab) {
-    ContactPatch contact_patch = contact_patches[patch_index];
+    ContactPatch contact_patch = contact_patch_at(patch_index);
     uvec4 range = grid_cells(contact_patch, slab.low, slab.high);
     uint grid = grid_first(patch_index, 1 - side);
     for (uint y = range.y; y <= range.w; y++) {

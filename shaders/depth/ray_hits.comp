@@ -30,7 +30,7 @@ READ_ONLY(uvec4, triangles);       // three skin vertices
 READ_ONLY(vec4, skin);
 READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four per texel; see shared/spatial_hash.glsl
 READ_ONLY(uvec4, hash_entries);
-layout(scalar) readonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
+READ_ONLY(uvec4, entry_cells);      // cell of each vertex in the hash, two per texel
 layout(scalar) buffer EntryHits { uint entry_hits[]; };                      // first hit of each vertex in the hash
 layout(scalar) writeonly buffer Hits { uvec4 hits[]; };  // triangle, next hit, depth bits, 2 * work item + (1: front)
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };

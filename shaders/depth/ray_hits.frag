@@ -17,7 +17,7 @@ layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
 READ_ONLY(uvec4, buckets);         // heads of the hash's lists, four per texel; see shared/spatial_hash.glsl
 READ_ONLY(uvec4, hash_entries);
-layout(scalar) readonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
+READ_ONLY(uvec4, entry_cells);      // cell of each vertex in the hash, two per texel
 layout(scalar) buffer EntryHits { uint entry_hits[]; };                      // first hit of each vertex in the hash
 layout(scalar) writeonly buffer Hits { uvec4 hits[]; };  // triangle, next hit, depth bits, 2 * work item + (1: front)
 

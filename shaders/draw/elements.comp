@@ -34,7 +34,7 @@ layout(scalar) readonly buffer ElementInfo { uvec2 element_info[]; };    // mate
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, tetrahedron_links);  // links from the first node's frame to each node's frame; 0: the same frame
 READ_ONLY(vec4, node_rest);
-layout(scalar) readonly buffer Links { Link links[]; };            // between frames, as they are now
+READ_ONLY(vec4, links);            // between frames, as they are now
 layout(scalar) readonly buffer PatchOf { uint patch_of[]; };       // patch of each tetrahedron, or NONE
 READ_ONLY(vec4, rotations);
 // J/m^3; volume, m^3; tr(strain); lambda where a patch applies it, Pa. After draw/share the last one is the patch's part

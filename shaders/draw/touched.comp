@@ -19,14 +19,16 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint CAPACITY = 0;
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
-layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(uvec4, contacts);
 READ_ONLY(vec4, contact_forces);
 READ_ONLY(uvec4, triangles);
 layout(scalar) readonly buffer Solved { uint is_solved; };         // whether contact_forces belongs to these contacts
 layout(scalar) buffer Depths { uint depths[]; };                   // bits of a float for each skin vertex
 layout(scalar) buffer Pressures { uint pressures[]; };             // bits of a float for each skin vertex
+
+#include "shared/contact.glsl"
 
 const float LARGEST = 3.0e38;
 
@@ -36,7 +38,7 @@ uint bits_of(float x) { return x > 0.0 && x < LARGEST ? floatBitsToUint(x) : 0; 
 void main() {
     uint c = gl_GlobalInvocationID.x;
     if (c >= min(counts.contacts, CAPACITY)) return;
-    Contact contact = contacts[c];
+    Contact contact = contact_at(c);
     if (is_released(contact)) return;
     float pressure = is_solved != 0 ? end_pressure(contact, fetch(contact_forces, c), params.dt)
         : start_pressure(contact.depth, contact.rate, contact.stiffness, contact.damping);

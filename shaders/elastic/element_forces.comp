@@ -39,9 +39,9 @@ layout(constant_id = 3) const bool PATCHES = false;     // whether lambda may ac
 layout(constant_id = 4) const uint LAWS = 1;            // a bit for each material law in use
 layout(constant_id = 5) const bool NEWTON = false;       // whether this is a later Newton iteration
 
-layout(scalar) readonly buffer Params { StepParams params; };
-layout(scalar) readonly buffer Frames { Frame frames[]; };
-layout(scalar) readonly buffer Materials { ElasticMaterial materials[]; };
+layout(scalar) uniform Params { StepParams params; };
+READ_ONLY(uvec4, frames);
+READ_ONLY(uvec4, materials);
 READ_ONLY(uvec4, tetrahedra);
 READ_ONLY(vec4, rest_gradients);  // three per tetrahedron: g of nodes 2 to 4 (1/m); w of the first: sqrt(V)
 READ_ONLY(uvec4, deforming);      // of each tetrahedron that this kernel works on: index, material, frame
@@ -49,15 +49,17 @@ READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, velocity);
 READ_ONLY(uvec4, tetrahedron_links);   // links from the first node's frame to each node's frame; 0: the same frame
 READ_ONLY(vec4, node_rest);
-layout(scalar) readonly buffer Links { Link links[]; };
+READ_ONLY(vec4, links);
 layout(scalar) readonly buffer PatchOf { uint patch_of[]; };        // patch of each tetrahedron, or NONE
 READ_ONLY(vec4, trial_change);                                      // trial change of velocity x, m/s
-layout(scalar) buffer Rotations { vec4 rotations[]; };              // R as quaternions x y z w
+READ_WRITE(vec4, rotations);                                        // R as quaternions x y z w
 layout(scalar) writeonly buffer Gradients { vec4 gradients[]; };    // shared/geometric.glsl; w: see main
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer ElementForces { vec4 element_forces[]; };  // four per tetrahedron, N s
 
+#include "shared/frame.glsl"
 #include "shared/strain.glsl"
+#include "shared/material.glsl"
 #include "shared/material_law.glsl"
 #include "shared/link.glsl"
 #include "shared/element.glsl"
@@ -66,7 +68,7 @@ void main() {
     if (gl_GlobalInvocationID.x >= ELEMENTS) return;
     uvec4 element = fetch(deforming, gl_GlobalInvocationID.x);
     uint t = element.x, frame = element.z;
-    ElasticMaterial material = materials[element.y];
+    ElasticMaterial material = material_at(element.y);
     uvec4 nodes = fetch(tetrahedra, t);
     vec4 g1 = fetch(rest_gradients, 3 * t), g2 = fetch(rest_gradients, 3 * t + 1),
         g3 = fetch(rest_gradients, 3 * t + 2);
@@ -74,10 +76,10 @@ void main() {
     uvec4 link = SPANS ? fetch(tetrahedron_links, t) : uvec4(0);
     mat3 g = displacement_gradient(nodes, link, g1.xyz, g2.xyz, g3.xyz);
     bool lost;
-    vec4 q = polar(mat3(1.0) + g, rotations[t], lost);
+    vec4 q = polar(mat3(1.0) + g, fetch(rotations, t), lost);
     if (lost || determinant(mat3(1.0) + g) <= 0.0) atomicOr(counts.flags, FLAG_INVERTED);
     // The next polar decomposition must start from a rotation, even if the displacements have overflowed.
-    rotations[t] = dot(q, q) < 2.0 ? q : vec4(0.0, 0.0, 0.0, 1.0);
+    store(rotations, t, dot(q, q) < 2.0 ? q : vec4(0.0, 0.0, 0.0, 1.0));
 
     mat3 e = strain(q, g);
     float own_lambda = PATCHES && patch_of[t] != NONE ? 0.0 : material.lambda;
@@ -85,7 +87,7 @@ void main() {
     Evaluation law = evaluate(material, e, compression, own_lambda);
     mat3 p = law.stress;
     vec3 k1 = law.fold * g1.xyz, k2 = law.fold * g2.xyz, k3 = law.fold * g3.xyz;
-    vec4 world = compose(frames[frame].rotation, q);
+    vec4 world = compose(frame_at(frame).rotation, q);
     vec3 h1 = root * rotate(world, k1), h2 = root * rotate(world, k2), h3 = root * rotate(world, k3);
     float scale = params.dt * (params.dt + material.damping);
     // The components w hold mu and lambda, each times h^2 + h beta, and tr(E); lambda counts as zero where an F-bar

@@ -23,7 +23,7 @@ layout(constant_id = 1) const uint PATCHES = 0;
 layout(constant_id = 2) const uint TETRAHEDRA = 0;
 layout(constant_id = 5) const bool NEWTON = false;       // whether this is a later Newton iteration
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 READ_ONLY(uvec4, patch_nodes);         // three texels per patch: its nodes, padded with its first node
 READ_ONLY(uvec4, patch_members);  // two tetrahedra a texel: index; numbers of its four nodes in the patch, 4 bits each
 READ_ONLY(vec4, patch_constants);      // V (m^3), lambda (Pa), beta (s)

@@ -12,7 +12,7 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint TRIANGLES = 0;
 
-layout(scalar) readonly buffer Frames { Frame frames[]; };
+READ_ONLY(uvec4, frames);
 READ_ONLY(uvec4, node_info);                // z: index of the node's frame
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
@@ -22,8 +22,10 @@ READ_ONLY(uvec4, corner_nodes);             // three per triangle: the nodes tha
 READ_ONLY(vec4, corner_weights);            // three per triangle: with which weights
 layout(scalar) writeonly buffer TriangleForces { vec4 triangle_forces[]; };    // N
 
+#include "shared/frame.glsl"
+
 vec3 place_of(uint node) {
-    Frame frame = frames[fetch(node_info, node).z];
+    Frame frame = frame_at(fetch(node_info, node).z);
     return frame.centre + rotate(frame.rotation, fetch(node_rest, node).xyz + fetch(displacement, node).xyz);
 }
 

@@ -21,8 +21,8 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint NODES = 0;
 layout(constant_id = 6) const uint RIGIDS = 0;  // rigid unknowns: dynamic cores, and the rigid tool that a user moves
 
-layout(scalar) readonly buffer Params { StepParams params; };
-layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) uniform Params { StepParams params; };
+READ_ONLY(uvec4, frames);
 READ_ONLY(uvec4, node_info);      // frame of each node in z; NODE_* of shared/node_motion.glsl in w
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
@@ -36,11 +36,13 @@ layout(scalar) writeonly buffer TrialDisplacement { vec4 trial_displacement[]; }
 layout(scalar) writeonly buffer TrialChange { vec4 trial_change[]; };
 layout(scalar) writeonly buffer LinearResidual { vec4 linear_residual[]; };    // b - A x
 
+#include "shared/frame.glsl"
+
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= NODES) return;
     uvec4 info = fetch(node_info, i);
-    Frame frame = frames[info.z];
+    Frame frame = frame_at(info.z);
     vec4 change = fetch(solution, i);
     trial_change[i] = change;
     linear_residual[i] = fetch(rhs, i) - fetch(operator_product, i);

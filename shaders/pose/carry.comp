@@ -23,8 +23,8 @@ layout(local_size_x_id = 0) in;
 layout(constant_id = 1) const uint ATTACHED_NODES = 0;
 layout(constant_id = 6) const uint RIGIDS = 0;  // rigid unknowns: dynamic cores, and the rigid tool that a user moves
 
-layout(scalar) readonly buffer Params { StepParams params; };
-layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) uniform Params { StepParams params; };
+READ_ONLY(uvec4, frames);
 layout(scalar) readonly buffer AttachedNodes { uint attached_nodes[]; };
 READ_ONLY(uvec4, node_info);       // frame of each node in z
 READ_ONLY(vec4, node_rest);
@@ -35,13 +35,14 @@ layout(scalar) writeonly buffer Velocity { vec4 velocity[]; };
 layout(scalar) writeonly buffer Solution { vec4 solution[]; };     // written for nodes of dynamic cores only
 layout(scalar) writeonly buffer Trend { vec4 trend[]; };           // likewise
 
+#include "shared/frame.glsl"
 #include "shared/core.glsl"
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= ATTACHED_NODES) return;
     uint node = attached_nodes[i];
-    Frame frame = frames[fetch(node_info, node).z];
+    Frame frame = frame_at(fetch(node_info, node).z);
     // R0^T R1 is the inverse of R1^T R0, the frame's `turn`.
     vec4 on = vec4(-frame.turn.xyz, frame.turn.w);
     vec3 r = fetch(node_rest, node).xyz;

@@ -11,14 +11,13 @@
 // vertices x = c + R r, with their rest positions r, and centre c and rotation R of the proxy's frame; the hull's face
 // planes, each with the normal n = R n_rest and the offset offset_rest + n . c; the hull's box; and a bound on how far
 // skin lies outside the hull: the sum of this distance at rest (margin) and (sum |w|) max |d|, over embedding weights w
-// and displacements d, in the proxy's frame, of the nodes that move the skin. All workgroups together clear the spatial
-// hash of the depth stage; the first invocation clears the step's counters and those indirect arguments that the stages
-// cull to contact set. One workgroup runs for each proxy. The f64 reference implementation is oracle::proximity.
+// and displacements d, in the proxy's frame, of the nodes that move the skin. The first invocation clears the step's
+// counters and those indirect arguments that the stages cull to contact set. One workgroup runs for each proxy. The f64
+// reference implementation is oracle::proximity.
 
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 2) const bool SPANS = false;       // whether a proxy may have nodes in frames other than its own
-layout(constant_id = 4) const uint BUCKETS = 1;
 
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Proxies { Proxy proxies[]; };
@@ -27,13 +26,12 @@ READ_ONLY(vec4, face_rest);          // face planes of all hulls: unit normal, o
 READ_ONLY(uvec4, proxy_nodes);       // two per texel: node, link from the proxy's frame to the node's frame
 READ_ONLY(vec4, displacement);
 READ_ONLY(vec4, node_rest);
-layout(scalar) readonly buffer Links { Link links[]; };
+READ_ONLY(vec4, links);
 layout(scalar) writeonly buffer Hull { vec4 hull[]; };
 layout(scalar) writeonly buffer Faces { vec4 faces[]; };    // face planes in the world: unit normal, offset
 layout(scalar) writeonly buffer Bounds { ProxyBounds bounds[]; };
 layout(scalar) buffer CountsInOut { Counts counts; };
 layout(scalar) writeonly buffer Args { uint args[]; };
-layout(scalar) writeonly buffer Buckets { uint buckets[]; };  // heads of the hash's lists, see shared/spatial_hash.glsl
 
 #include "shared/link.glsl"
 #include "shared/moved.glsl"
@@ -53,7 +51,6 @@ void main() {
         }
         args[3 * ARGS_DRAW + 1] = 0;
     }
-    for (uint k = gl_GlobalInvocationID.x; k < BUCKETS; k += gl_NumWorkGroups.x * SIZE) buckets[k] = NONE;
     Proxy proxy = proxies[gl_WorkGroupID.x];
     Frame frame = frames[proxy.frame];
     vec3 least = vec3(3.0e38), greatest = vec3(-3.0e38);

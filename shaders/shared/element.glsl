@@ -5,7 +5,7 @@
 // relative placement of that frame and the node's own, or 0 where both are the same.
 vec3 displacement_in(uint node, uint link) {
     vec3 d = fetch(displacement, node).xyz;
-    return SPANS && link != 0 ? across(links[link], fetch(node_rest, node).xyz, d) : d;
+    return SPANS && link != 0 ? across(link_at(link), fetch(node_rest, node).xyz, d) : d;
 }
 
 // Displacement gradient G = sum d_i g_i^T, over displacements d_i and rest gradients g_i of the four nodes, so that the

@@ -1,8 +1,7 @@
 // Sums of forces at a node: of the forces of its elements, or the product with its row of the assembled operator
-// (shared/rows.glsl), and of the forces of its contacts. An including shader declares `node_elements` (texels of four
-// indices into `element_forces`, padded with the index of a zero force), `element_forces`, `sorted` (contact and
-// weight of each entry), `node_entries` (first entry of a node in `sorted`, and number of its entries),
-// `contact_forces`, `stiffness_blocks` and `change` (the vector p that is multiplied).
+// (shared/rows.glsl), and of the forces of its contacts. An including shader includes shared/entries.glsl, and declares
+// `node_elements` (texels of four indices into `element_forces`, padded with the index of a zero force),
+// `element_forces`, `contact_forces`, `stiffness_blocks` and `change` (the vector p that is multiplied).
 
 vec3 gather_elements(uint first, uint quads) {
     vec3 sum = vec3(0.0);
@@ -29,9 +28,9 @@ vec3 gather_row(vec3 p, uint first, uint count) {
 
 vec3 gather_contacts(uint node) {
     vec3 sum = vec3(0.0);
-    uvec2 run = node_entries[node];
+    uvec2 run = entries_of(node);
     for (uint k = run.x; k < run.x + run.y; k++) {
-        uvec2 entry = sorted[k];
+        uvec2 entry = entry_at(k);
         sum += uintBitsToFloat(entry.y) * fetch(contact_forces, entry.x).xyz;
     }
     return sum;

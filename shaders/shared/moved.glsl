@@ -7,6 +7,6 @@
 // the index of the link from that frame to the node's own, 0 where they are one frame.
 vec3 moved(uvec2 node) {
     vec3 d = fetch(displacement, node.x).xyz;
-    if (SPANS && node.y != 0) d = across(links[node.y], fetch(node_rest, node.x).xyz, d);
+    if (SPANS && node.y != 0) d = across(link_at(node.y), fetch(node_rest, node.x).xyz, d);
     return d;
 }

@@ -70,7 +70,8 @@ uint hit_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint s
         precise float depth = (side == 1 ? -volume : volume) / sum;
         // A list may hold vertices of several cells. So that a vertex counts once, a hit is recorded only when the loop
         // visits the vertex's own cell.
-        if (is_hit && depth > 0.0 && entry_cells[at] == cell_key(cell, patch_side)) {
+        uvec4 cells = is_hit ? fetch(entry_cells, at / 2) : uvec4(0);
+        if (is_hit && depth > 0.0 && (at % 2 == 0 ? cells.xy : cells.zw) == cell_key(cell, patch_side)) {
             record_ray_hit(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, work_item);
         }
     }

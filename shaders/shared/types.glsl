@@ -59,6 +59,7 @@ struct Frame {
     vec3 gyroscopic;            // angular momentum that a dynamic core's spin gains by gyroscopic torque, N m s
     uint core;                  // the dynamic core whose frame this is, or NONE; the solver finds that core's motion,
                                 // so linear and angular are its twist at the start, and turn has no meaning
+    uint unused[3];             // fills the sixth texel (shared/frame.glsl)
 };
 
 // A rigid body among the solver's unknowns: a dynamic core or, after all dynamic cores, the tool. Its six unknowns are
@@ -127,6 +128,7 @@ struct ElasticMaterial {
 struct Link {
     vec4 turn;                  // Q, quaternion x y z w
     vec3 offset;                // m; zero while both frames are where the scene placed them
+    float unused;               // fills the second texel (shared/link.glsl)
 };
 
 // Sums over the nodes of a soft body without cores, from which the host fits the body's frame to them. A node has mass
@@ -237,6 +239,7 @@ struct ContactPatch {
     float cells_per_metre[2];   // 1 / cell size of the spatial hash of a's and of b's vertices, 1/m
     float weight;               // how strongly the bodies' proxies and contacts favour this normal; 0: no such patch
     float turn;                 // angle by which the normal turned since the last step, rad
+    float unused[3];            // fills the fifth texel (shared/contact_patch.glsl)
 };
 
 // A chunk that passed culling. Active chunks are listed in the order of pair proxies.
@@ -283,6 +286,7 @@ struct Contact {
     uint side;                  // body to which the vertex belongs: 2 * pair + (0: a, 1: b)
     uint triangle;              // triangle of the opposing skin; NONE: a half-space
     vec2 barycentric;           // weights of the triangle's second and third corner at the contact's point on it
+    vec2 unused;                // fills the sixth texel (shared/contact.glsl)
 };
 
 // State of the linear solver that stays on the GPU between passes (dispatches).

@@ -22,7 +22,7 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 1) const uint BUCKETS = 1;
 layout(constant_id = 2) const bool SPANS = false;       // whether a skin vertex may have nodes in several frames
 
-layout(scalar) readonly buffer Frames { Frame frames[]; };
+READ_ONLY(uvec4, frames);
 layout(scalar) readonly buffer ActiveChunks { ActiveChunk active_chunks[]; };
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 layout(scalar) readonly buffer PairProxies { PairProxy pair_proxies[]; };
@@ -34,8 +34,8 @@ READ_ONLY(vec4, skin_weights);     // the four nodes' weights; for a rigid skin 
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
 READ_ONLY(uvec4, node_info);       // z: index of the node's frame
-layout(scalar) readonly buffer ContactPatches { ContactPatch contact_patches[]; };
-layout(scalar) readonly buffer Shares { float shares[]; };    // weight of each contact patch at a pair proxy's vertices
+READ_ONLY(vec4, contact_patches);
+READ_ONLY(vec4, shares);           // weights of the contact patches at a pair proxy's vertices, one texel each
 layout(scalar) writeonly buffer Skin { vec4 skin[]; };
 layout(scalar) buffer Buckets { uint buckets[]; };  // hash lists' heads, then sort keys, see shared/spatial_hash.glsl
 layout(scalar) writeonly buffer HashEntries { uvec4 hash_entries[]; };       // CHUNK_VERTICES for each work item
@@ -43,6 +43,8 @@ layout(scalar) writeonly buffer EntryHits { uint entry_hits[]; };     // first h
 layout(scalar) writeonly buffer EntryCells { uvec2 entry_cells[]; };      // cell of each vertex in the hash
 READ_ONLY(uvec4, depth_grids);  // least and greatest heights of chunks (shared/depth_grid.glsl), four cells a texel
 
+#include "shared/frame.glsl"
+#include "shared/contact_patch.glsl"
 #include "shared/spatial_hash.glsl"
 #include "shared/depth_grid.glsl"
 
@@ -51,7 +53,7 @@ shared vec3 own[CHUNK_VERTICES];
 vec3 node_position(uint node) { return fetch(node_rest, node).xyz + fetch(displacement, node).xyz; }
 
 vec3 world(uint node) {
-    Frame frame = frames[fetch(node_info, node).z];
+    Frame frame = frame_at(fetch(node_info, node).z);
     return frame.centre + rotate(frame.rotation, node_position(node));
 }
 
@@ -75,7 +77,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
     ActiveChunk entry = active_chunks[gl_WorkGroupID.x];
     Chunk chunk = chunks[entry.chunk];
-    Frame frame = frames[proxies[pair_proxies[entry.pair_proxy].proxy].frame];
+    Frame frame = frame_at(proxies[pair_proxies[entry.pair_proxy].proxy].frame);
     for (uint l = lane; l < chunk.embed_count; l += SIZE) {
         uint v = chunk.vertex_first + l, vertex = fetch(chunk_vertices, v / 4)[v % 4];
         vec3 x = position(frame, vertex);
@@ -86,11 +88,12 @@ void main() {
     Pair pair = pairs[entry.side / 2];
     uint side = entry.side & 1, work_item = entry.first_work_item;
     if (!casts_rays(pair, side)) return;
-    for (uint r = 0; r < PAIR_PATCHES; r++) {
-        if ((entry.contact_patches & (1u << r)) == 0) continue;
+    vec4 shares_here = fetch(shares, entry.pair_proxy);
+    for (uint left = entry.contact_patches; left != 0; left &= left - 1) {
+        uint r = findLSB(left);
         uint patch_index = (entry.side / 2) * PAIR_PATCHES + r, patch_side = 2 * patch_index + side;
-        ContactPatch contact_patch = contact_patches[patch_index];
-        bool sees = shares[entry.pair_proxy * PAIR_PATCHES + r] > 0.0;
+        ContactPatch contact_patch = contact_patch_at(patch_index);
+        bool sees = shares_here[r] > 0.0;
         for (uint l = lane; l < chunk.vertex_count; l += SIZE) {
             uint hash_entry = work_item * CHUNK_VERTICES + l;
             entry_hits[hash_entry] = NONE;

@@ -46,7 +46,7 @@ layout(constant_id = 10) const bool LOADS = false;
 layout(constant_id = 11) const uint NODES = 0;              // number of nodes, behind which external_forces has the cores
 layout(constant_id = 13) const uint HELD = 0;               // number of cores that haptic devices hold
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
@@ -60,9 +60,9 @@ READ_ONLY(uvec4, node_elements);
 READ_ONLY(vec4, element_forces);
 READ_ONLY(vec4, gradients);
 READ_ONLY(vec4, patch_rows);
-layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
-layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(uvec4, node_entries);
+READ_ONLY(uvec4, sorted);
+READ_ONLY(uvec4, contacts);
 READ_ONLY(vec4, carried_residual);        // carried residual b - A x of the last step
 layout(scalar) readonly buffer Rigids { Rigid rigids[]; };
 layout(scalar) writeonly buffer Rhs { vec4 rhs[]; };
@@ -84,6 +84,8 @@ const bool SMOOTHS = CONTACT || SUPPORTS;     // whether P differs from P_0 (sha
 const float LITTLE = 1.0e-6;
 const uint SUMS = 7;
 
+#include "shared/contact.glsl"
+#include "shared/entries.glsl"
 #include "shared/rotation.glsl"
 #include "shared/polar.glsl"
 #include "shared/symmetric.glsl"
@@ -102,14 +104,18 @@ const uint SUMS = 7;
 // block, whose diagonal is `a` and whose off-diagonal (xy xz yz) is `c`.
 void add_contacts(uint i, inout vec3 b, inout vec3 e, inout vec3 a, inout vec3 c) {
     float h = params.dt;
-    uvec2 run = node_entries[i];
+    uvec2 run = entries_of(i);
     for (uint k = run.x; k < run.x + run.y;) {
-        uint touching = sorted[k].x;
-        Contact contact = contacts[touching];
+        uint touching = entry_at(k).x;
+        Contact contact = contact_at(touching);
         // The tetrahedra in which a triangle's corners are embedded share nodes. So a contact may have several entries
         // at a node, which are adjacent: their weights are summed, and the diagonal block gets the square of the sum.
         float w = 0.0;
-        for (; k < run.x + run.y && sorted[k].x == touching; k++) w += uintBitsToFloat(sorted[k].y);
+        for (; k < run.x + run.y; k++) {
+            uvec2 entry = entry_at(k);
+            if (entry.x != touching) break;
+            w += uintBitsToFloat(entry.y);
+        }
         float g = normal_operator(contact, h), f = w * normal_impulse(contact, h);
         vec3 n = contact.normal;
         b -= f * n;

@@ -24,8 +24,8 @@ layout(constant_id = 6) const uint RIGIDS = 0;     // rigid bodies among the unk
 layout(constant_id = 5) const bool SUPPORTS = false;   // whether some nodes are supported (shared/support.glsl)
 layout(constant_id = 7) const bool NEWTON = false;     // whether a step has several Newton iterations
 
-layout(scalar) readonly buffer Params { StepParams params; };
-layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) uniform Params { StepParams params; };
+READ_ONLY(uvec4, frames);
 READ_ONLY(uvec4, node_info);       // z: index of the node's frame; w: NODE_* of shared/node_motion.glsl
 READ_ONLY(vec4, solution);
 READ_ONLY(vec4, rhs);
@@ -34,11 +34,13 @@ READ_ONLY(vec4, linear_residual);       // b - A x of the last Newton iteration'
 READ_ONLY(vec4, node_rest);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) buffer Velocity { vec4 velocity[]; };
-layout(scalar) buffer Displacement { vec4 displacement[]; };
-layout(scalar) buffer Trend { vec4 trend[]; };            // minus the last step's solution before, x minus that after
+READ_WRITE(vec4, velocity);
+READ_WRITE(vec4, displacement);
+READ_WRITE(vec4, trend);         // minus the last step's solution before, x minus that after
 layout(scalar) writeonly buffer CarriedResidual { vec4 carried_residual[]; };      // carried residual b - A x
 layout(scalar) readonly buffer SupportedNodes { Supported supported[]; };
+
+#include "shared/frame.glsl"
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -46,9 +48,9 @@ void main() {
     uvec4 info = fetch(node_info, i);
     if (info.w == NODE_KINEMATIC) return;
     vec4 x = fetch(solution, i);
-    trend[i] += x;
+    store(trend, i, fetch(trend, i) + x);
     if (info.w != NODE_FREE) return;
-    vec3 v = velocity[i].xyz + x.xyz;
+    vec3 v = fetch(velocity, i).xyz + x.xyz;
     vec4 support = vec4(0.0);
     if (SUPPORTS) {
         // What rounding leaves of x along the other directions would add up.
@@ -59,19 +61,19 @@ void main() {
     if (NEWTON) undone = fetch(linear_residual, i);
     else undone = fetch(rhs, i) - fetch(operator_product, i);
     carried_residual[i] = undone;
-    velocity[i] = vec4(v, 0.0);
-    Frame frame = frames[info.z];
+    store(velocity, i, vec4(v, 0.0));
+    Frame frame = frame_at(info.z);
     if (RIGIDS > 0 && frame.core != NONE) {
         float twist[6] = iterates[solve.current * RIGIDS + frame.core].x;
         frame.linear += vec3(twist[0], twist[1], twist[2]);
         // R1 = exp(h w1) R0 with the new angular velocity w1, so dR = R1^T R0 is the rotation by -h R0^T w1.
         frame.turn = turn_by(-params.dt * rotate_back(frame.rotation, frame.angular + vec3(twist[3], twist[4], twist[5])));
     }
-    vec3 d = displacement[i].xyz;
+    vec3 d = fetch(displacement, i).xyz;
     // R1^T = dR R0^T maps world axes to the axes of the frame at the end.
     vec3 step = rotate(frame.turn, rotate_back(frame.rotation, params.dt * (v - frame.linear)));
     d = d + turned(frame.turn, fetch(node_rest, i).xyz + d) + step;
     // The frame of a supported node rests, and the node's displacement is in what the support leaves to it.
     if (SUPPORTS) d = along_support(vec4(rotate_back(frame.rotation, support.xyz), support.w), d);
-    displacement[i] = vec4(d, 0.0);
+    store(displacement, i, vec4(d, 0.0));
 }

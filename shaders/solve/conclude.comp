@@ -30,7 +30,7 @@ layout(constant_id = 7) const uint TOOLS = 1;            // number of tools, hel
 layout(constant_id = 8) const uint NODES = 0;
 layout(constant_id = 9) const uint SKIN_PARTS = 0;      // number of workgroups of wrench/gap
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer Dots { vec2 dots[]; };              // inner products from solve/gather after the loop
 layout(scalar) readonly buffer CoarseDots { float coarse_dots[]; };   // from solve/coarse after the loop
@@ -39,7 +39,7 @@ READ_ONLY(vec4, contact_forces);       // output of solve/contact_product for th
 layout(scalar) readonly buffer Iterations { Iteration iterations[2]; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
-layout(scalar) buffer Contacts { Contact contacts[]; };
+READ_WRITE(uvec4, contacts);
 layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) coherent buffer Rigids { Rigid rigids[]; };
 layout(scalar) buffer RigidTrends { RigidIterate rigid_trends[]; };      // as in solve/first_residual
@@ -58,6 +58,7 @@ const float MOST_NONLINEAR = 0.5;
 
 shared float deepest[SIZE];
 
+#include "shared/contact.glsl"
 #include "shared/six.glsl"
 #include "shared/sum.glsl"
 #include "shared/settle.glsl"
@@ -89,7 +90,7 @@ void main() {
     // contacts under tension; w: estimate of the first component if the solution had rounding errors alone.
     if (CONTACT) {
         for (uint c = lane; c < contact_count; c += SIZE) {
-            Contact contact = contacts[c];
+            Contact contact = contact_at(c);
             if (is_released(contact)) continue;
             float pressure = end_pressure(contact, fetch(contact_forces, c), params.dt);
             bool is_under_tension = pressure < 0.0;
@@ -111,10 +112,10 @@ void main() {
     bool is_check = params.newton > 1 && solve.newton_iterations == params.newton;
     if (CONTACT && solve.status != STATUS_RUNNING) {
         for (uint c = lane; c < contact_count; c += SIZE) {
-            Contact contact = contacts[c];
+            Contact contact = contact_at(c);
             if (!is_just_released(contact)) continue;
             clear_released(contact);
-            contacts[c] = contact;
+            store_contact(c, contact)
         }
     }
     // All lanes have now read what lane 0 changes below.

@@ -24,25 +24,28 @@ layout(push_constant) uniform Which {
     bool is_end;                // true: p is the solution x, after the iterations
 };
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 READ_ONLY(vec4, change);            // p
 layout(scalar) readonly buffer CountsIn { Counts counts; };
-layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(uvec4, contacts);
 READ_ONLY(uvec4, entry_nodes);      // nodes of contacts, four texels for each contact
 READ_ONLY(vec4, entry_weights);
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
 layout(scalar) writeonly buffer ContactForces { vec4 contact_forces[]; };  // xyz: product; w: its normal part
 
+#include "shared/contact.glsl"
 #include "shared/contact_product.glsl"
 
 void main() {
     uint c = gl_GlobalInvocationID.x;
+    float tool[6];
+    if (TOOL) tool = iterates[solve.current * RIGIDS + RIGIDS - 1].x;
     if (c >= counts.contacts) return;
-    Contact contact = contacts[c];
+    Contact contact = contact_at(c);
     Relative relative = Relative(0.0, vec3(0.0));
     for (uint k = 0; k < contact.quads; k++) ADD_NODES(relative, contact, 4 * c + k, change)
-    if (TOOL && contact.tool_sign != 0.0) add_tool(relative, contact, iterates[solve.current * RIGIDS + RIGIDS - 1].x);
+    if (TOOL && contact.tool_sign != 0.0) add_tool(relative, contact, tool);
     vec4 force = product_with(contact, relative);
     if (is_just_released(contact)) {
         contact.stiffness = -contact.stiffness;

@@ -28,7 +28,7 @@ layout(constant_id = 2) const bool LOADS = false;
 layout(constant_id = 3) const uint NODES = 0;               // number of nodes, behind which external_forces has the cores
 layout(constant_id = 13) const uint HELD = 0;               // number of cores that haptic devices hold
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 READ_ONLY(uvec4, block_nodes);
 READ_ONLY(vec4, node_rest);

@@ -36,8 +36,8 @@ READ_ONLY(vec4, coarse_rhs);       // A_c^-1 P^T b, three texels per block
 READ_ONLY(vec4, coarse_product);     // A_c^-1 P^T A x'
 READ_ONLY(vec4, coarse_trend);       // A_c^-1 P^T A d
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };
-layout(scalar) buffer Solution { vec4 solution[]; };      // x' before, x after
-layout(scalar) buffer Trend { vec4 trend[]; };            // d before; -x' after a step's first solve
+READ_WRITE(vec4, solution);      // x' before, x after
+READ_WRITE(vec4, trend);         // d before; -x' after a step's first solve
 layout(scalar) writeonly buffer Residual { vec4 residual[]; };
 layout(scalar) writeonly buffer Preconditioned { vec4 preconditioned[]; };
 layout(scalar) writeonly buffer Direction { vec4 direction[]; };                          // search direction p
@@ -80,15 +80,15 @@ void main() {
         uint i = block_node(block, at).x;
         vec3 rest = fetch(node_rest, i).xyz;
         // Vectors are skipped where their factors are zero, because they may hold NaN after a failed step.
-        vec4 last = f != 0.0 ? solution[i] : vec4(0.0);
+        vec4 last = f != 0.0 ? fetch(solution, i) : vec4(0.0);
         vec4 start = f * last;
-        if (g != 0.0) start += g * trend[i];
-        if (begins) trend[i] = -last;
+        if (g != 0.0) start += g * fetch(trend, i);
+        if (begins) store(trend, i, -last);
         direction[i] = vec4(0.0);
         direction_product[i] = vec4(0.0);
         if (block.rigid != NONE) {
             vec3 arm = rotate(turn, rest);
-            solution[i] = vec4(carry(iterates[block.rigid].x, arm), 0.0);
+            store(solution, i, vec4(carry(iterates[block.rigid].x, arm), 0.0));
             preconditioned[i] = vec4(carry(iterates[block.rigid].u, arm), 0.0);
             residual[i] = vec4(0.0);
             continue;
@@ -97,7 +97,7 @@ void main() {
         if (f != 0.0) r -= f * fetch(operator_product, i).xyz;
         if (g != 0.0) r -= g * fetch(trend_product, i).xyz;
         vec3 u = precondition(i, r, coarse_vector, (rest - place.xyz) * place.w);
-        solution[i] = start;
+        store(solution, i, start);
         residual[i] = vec4(r, 0.0);
         preconditioned[i] = vec4(u, 0.0);
     }

@@ -32,10 +32,10 @@ layout(constant_id = 9) const uint TETRAHEDRA = 0;
 layout(constant_id = 11) const uint FREE_BLOCKS = 0;
 layout(constant_id = 12) const uint PATCHES = 0;
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
-layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(uvec4, contacts);
 layout(scalar) readonly buffer Partials { vec2 partials[]; };      // b . D^-1 b, and the part of it due to rounding
 READ_ONLY(vec4, projections);           // x . b, x . A x and d . A x, from solve/gather
 READ_ONLY(vec4, trend_projections);     // d . b and d . A d, from solve/gather
@@ -55,6 +55,7 @@ layout(scalar) buffer SolveInOut { Solve solve; };
 layout(scalar) writeonly buffer Iterations { Iteration iterations[2]; };
 layout(scalar) writeonly buffer Args { uint args[]; };
 
+#include "shared/contact.glsl"
 #include "shared/six.glsl"
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
@@ -115,7 +116,7 @@ void assemble_tool() {
     float block[28];
     for (int k = 0; k < 28; k++) block[k] = 0.0;
     for (uint c = gl_LocalInvocationID.x; c < (CONTACT ? counts.contacts : 0); c += SIZE) {
-        Contact contact = contacts[c];
+        Contact contact = contact_at(c);
         if (contact.tool_sign == 0.0) continue;
         float column[6];
         tool_column(contact, contact.normal, column);
@@ -172,7 +173,7 @@ void assemble_tool() {
 float energy_limit() {
     vec4 terms = vec4(0.0);
     for (uint c = gl_LocalInvocationID.x; c < counts.contacts; c += SIZE) {
-        Contact contact = contacts[c];
+        Contact contact = contact_at(c);
         float term = normal_operator(contact, params.dt);
         terms += contact.tool_sign == 0.0 ? vec4(0.0, term, 0.0, 0.0) : vec4(term, 0.0, 0.0, 0.0);
     }

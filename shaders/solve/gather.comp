@@ -42,7 +42,7 @@ layout(constant_id = 13) const uint HELD = 0;               // number of cores t
 
 layout(push_constant) uniform Which { uint set; };      // which of two sets of iterates holds u and r in GATHER_LOOP
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 READ_ONLY(vec4, block_turns);                           // rotation of each block, world
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
@@ -52,10 +52,10 @@ READ_ONLY(vec4, node_rest);
 READ_ONLY(uvec4, node_elements);
 READ_ONLY(vec4, element_forces);
 READ_ONLY(vec4, stiffness_blocks);
-layout(scalar) readonly buffer NodeEntries { uvec2 node_entries[]; };
-layout(scalar) readonly buffer Sorted { uvec2 sorted[]; };
+READ_ONLY(uvec4, node_entries);
+READ_ONLY(uvec4, sorted);
 layout(scalar) readonly buffer CountsIn { Counts counts; };
-layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(uvec4, contacts);
 READ_ONLY(vec4, contact_forces);
 READ_ONLY(vec4, change);          // p
 READ_ONLY(vec4, trend);
@@ -89,7 +89,9 @@ const uint SUMS = 7;
 #include "shared/followed.glsl"
 #include "shared/share.glsl"
 #include "shared/rows.glsl"
+#include "shared/entries.glsl"
 #include "shared/gather.glsl"
+#include "shared/contact.glsl"
 #include "shared/six.glsl"
 #include "shared/joint.glsl"
 #include "shared/support.glsl"
@@ -97,12 +99,13 @@ const uint SUMS = 7;
 // Adds the forces and torques on the tool of those contacts that this lane works on.
 void add_tool_contacts(uint contact_count, inout vec3 force_sum, inout vec3 torque_sum) {
     for (uint c = gl_LocalInvocationID.x; c < contact_count; c += SIZE) {
-        float sign = contacts[c].tool_sign;
+        Contact contact = contact_at(c);
+        float sign = contact.tool_sign;
         if (sign == 0.0) continue;
         vec4 force = fetch(contact_forces, c);
-        vec3 along = sign * (FRICTION ? force.xyz : force.w * contacts[c].normal);
+        vec3 along = sign * (FRICTION ? force.xyz : force.w * contact.normal);
         force_sum += along;
-        torque_sum += cross(contacts[c].arm, along);
+        torque_sum += cross(contact.arm, along);
     }
 }
 

@@ -15,8 +15,8 @@
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint SIZE = 8;
 
-layout(scalar) readonly buffer Params { StepParams params; };
-layout(scalar) readonly buffer Frames { Frame frames[]; };
+layout(scalar) uniform Params { StepParams params; };
+READ_ONLY(uvec4, frames);
 READ_ONLY(uvec4, node_info);                // z: index of the node's frame
 READ_ONLY(vec4, node_rest);
 READ_ONLY(vec4, displacement);
@@ -26,6 +26,7 @@ layout(scalar) readonly buffer HeldNodes { uint held_nodes[]; };
 READ_ONLY(vec4, held_shares);               // of each: rows of the matrix that maps a node's impulse to the holder's share
 layout(scalar) writeonly buffer Reactions { float reactions[]; };  // of each holder: force (N) and torque (N m)
 
+#include "shared/frame.glsl"
 #include "shared/sum.glsl"
 
 void main() {
@@ -33,7 +34,7 @@ void main() {
     vec4 force = vec4(0.0), torque = vec4(0.0);
     for (uint k = range.x + gl_LocalInvocationID.x; k < range.x + range.y; k += SIZE) {
         uint node = held_nodes[k];
-        Frame frame = frames[fetch(node_info, node).z];
+        Frame frame = frame_at(fetch(node_info, node).z);
         vec3 at = frame.centre + rotate(frame.rotation, fetch(node_rest, node).xyz + fetch(displacement, node).xyz);
         vec3 impulse = supported[node].impulse;
         vec3 own = vec3(dot(fetch(held_shares, 3 * k).xyz, impulse), dot(fetch(held_shares, 3 * k + 1).xyz, impulse),

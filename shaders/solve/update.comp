@@ -39,7 +39,7 @@ layout(constant_id = 12) const uint WIDEST = 1;         // number of rigid bodie
 
 layout(push_constant) uniform Which { uint set; };      // set of iterates that is read; the other is written
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 READ_ONLY(vec4, block_turns);                           // rotation of each block, world
 READ_ONLY(uvec4, blocks);
 READ_ONLY(uvec4, block_nodes);
@@ -48,7 +48,7 @@ READ_ONLY(vec4, node_rest);
 READ_ONLY(uvec4, coarse_blocks);
 READ_ONLY(uvec4, coarse_inverse);
 READ_ONLY(vec4, coarse_scales);
-layout(scalar) readonly buffer Dots { vec2 dots[]; };      // r . u and w . u of each workgroup of solve/gather
+READ_ONLY(vec4, dots);      // r . u and w . u of each workgroup of solve/gather, two of them in a texel
 READ_ONLY(vec4, restricted_product);         // P^T w, three texels per block
 READ_ONLY(vec4, restricted_residual);     // P^T r
 READ_ONLY(vec4, operator_product);                   // w
@@ -64,7 +64,7 @@ layout(scalar) buffer Iterations { Iteration iterations[2]; };
 layout(scalar) buffer Iterates { RigidIterate iterates[]; };
 READ_ONLY(vec4, restricted_direction);    // P^T s
 layout(scalar) writeonly buffer NextRestrictedDirection { vec4 next_restricted_direction[]; };
-layout(scalar) buffer Solution { vec4 solution[]; };
+READ_WRITE(vec4, solution);
 layout(scalar) writeonly buffer NextResidual { vec4 next_residual[]; };
 layout(scalar) writeonly buffer NextPreconditioned { vec4 next_preconditioned[]; };
 layout(scalar) writeonly buffer NextDirection { vec4 next_direction[]; };
@@ -125,9 +125,9 @@ void stop(uint status, float gamma) {
 // Returns whether the error of the solution is so small that the contacts' normal forces are accurate enough
 // (energy_limit in solve/first_residual). The residual does not tell: where a stiff contact holds a light body, a small
 // residual may leave a large error.
-bool normal_forces_are_accurate(Iteration last) {
-    if (solve.energy_limit >= UNLIMITED) return true;
-    return last.fresh >= ERROR_DELAY && error_energy(last) <= solve.energy_limit;
+bool normal_forces_are_accurate(Iteration last, float energy_limit) {
+    if (energy_limit >= UNLIMITED) return true;
+    return last.fresh >= ERROR_DELAY && error_energy(last) <= energy_limit;
 }
 
 // Writes the scalars that the next iteration reads.
@@ -142,9 +142,9 @@ void advance(Iteration next) {
 // for the others. That takes two iterations, which change nothing else. This one, with alpha = 0, leaves u = 0; the next
 // one, with u = p = 0, has as its operator product the impulses that the released contacts lose
 // (solve/contact_iteration), which alpha = 1 subtracts from the residual. Then the search directions start anew.
-bool release_or_stop(uint status, float gamma, Iteration last, out Scalars scalars) {
+bool release_or_stop(uint status, float gamma, Iteration last, uint pulling, out Scalars scalars) {
     scalars = Scalars(0.0, 0.0, true);
-    if (!CONTACT || solve.pulling[set] == 0 || last.releases == MAX_RELEASES) {
+    if (pulling == 0 || last.releases == MAX_RELEASES) {
         stop(status, gamma);
         return false;
     }
@@ -155,23 +155,30 @@ bool release_or_stop(uint status, float gamma, Iteration last, out Scalars scala
 
 // Computes alpha and beta of this iteration; returns false if the loop ends here.
 bool next_scalars(out Scalars scalars) {
+    // What all lanes read is read before any branch: lavapipe then reads it once, not in each lane.
+    Iteration last = iterations[set];
+    float rhs_norm2 = solve.rhs_norm2, floor_norm2 = solve.floor_norm2;
+    float energy_limit = CONTACT ? solve.energy_limit : UNLIMITED;
+    uint pulling = CONTACT ? solve.pulling[set] : 0;
     vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
-    for (uint k = gl_LocalInvocationID.x; k < PARTIALS; k += SIZE) totals[0].xy += dots[k];
+    for (uint k = gl_LocalInvocationID.x; k < PARTIALS; k += SIZE) {
+        vec4 two = fetch(dots, k / 2);
+        totals[0].xy += k % 2 == 0 ? two.xy : two.zw;
+    }
     workgroup_sums(totals, 1);
     float gamma = totals[0].x, delta = totals[0].y;
-    Iteration last = iterations[set];
     if (CONTACT && last.is_release == 1) {
         scalars = Scalars(1.0, 0.0, false);
         advance(Iteration(0.0, 0.0, last.count, 0, last.releases + 1, 0, vec4(0.0), last.change));
         return true;
     }
-    float enough = max(params.tolerance * params.tolerance * solve.rhs_norm2, solve.floor_norm2);
+    float enough = max(params.tolerance * params.tolerance * rhs_norm2, floor_norm2);
     // The magnitude of gamma is compared: a gamma far below zero (M is then not positive definite) is no convergence.
     bool is_small = abs(gamma) <= enough;
-    bool is_loose = abs(gamma) <= params.loosest * params.loosest * solve.rhs_norm2;
+    bool is_loose = abs(gamma) <= params.loosest * params.loosest * rhs_norm2;
     is_small = is_small || is_loose && error_energy_left(last) <= STEP_ERROR_SHARE * last.change;
-    if (CONTACT && is_small) is_small = abs(gamma) <= solve.floor_norm2 || normal_forces_are_accurate(last);
-    if (is_small) return release_or_stop(STATUS_CONVERGED, gamma, last, scalars);
+    if (CONTACT && is_small) is_small = abs(gamma) <= floor_norm2 || normal_forces_are_accurate(last, energy_limit);
+    if (is_small) return release_or_stop(STATUS_CONVERGED, gamma, last, pulling, scalars);
     scalars.clears_u = false;
     scalars.beta = last.fresh == 0 ? 0.0 : gamma / last.gamma;
     float curvature = last.fresh == 0 ? delta : delta - scalars.beta * gamma / last.alpha;
@@ -187,8 +194,8 @@ bool next_scalars(out Scalars scalars) {
         stop(STATUS_BROKEN, gamma);
         return false;
     }
-    if (broken) return release_or_stop(STATUS_BROKEN, gamma, last, scalars);
-    if (last.fresh >= params.max_iterations) return release_or_stop(STATUS_STOPPED, gamma, last, scalars);
+    if (broken) return release_or_stop(STATUS_BROKEN, gamma, last, pulling, scalars);
+    if (last.fresh >= params.max_iterations) return release_or_stop(STATUS_STOPPED, gamma, last, pulling, scalars);
     scalars.alpha = gamma / curvature;
     vec4 energies = vec4(scalars.alpha * gamma, last.energies.xyz);
     advance(Iteration(gamma, scalars.alpha, last.count + 1, last.fresh + 1, last.releases, 0, energies,
@@ -294,7 +301,7 @@ void update_attached(uint b, Block block, vec4 turn, CoarseVector coarse_vector,
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uint i = block_node(block, at).x;
         vec3 arm = rotate(turn, fetch(node_rest, i).xyz);
-        solution[i] = vec4(carry(rigid_x, arm), 0.0);
+        store(solution, i, vec4(carry(rigid_x, arm), 0.0));
         next_preconditioned[i] = vec4(carry(rigid_u, arm), 0.0);
     }
 }
@@ -303,21 +310,22 @@ void update_attached(uint b, Block block, vec4 turn, CoarseVector coarse_vector,
 void update_free(Block block, vec4 place, CoarseVector coarse_vector, Scalars scalars) {
     for (uint at = gl_LocalInvocationID.x; at < block.count; at += SIZE) {
         uint i = block_node(block, at).x;
-        vec4 p = fetch(preconditioned, i) + scalars.beta * fetch(direction, i);
-        vec4 s = fetch(operator_product, i) + scalars.beta * fetch(direction_product, i);
-        next_direction[i] = p;
-        next_direction_product[i] = s;
-        solution[i] += scalars.alpha * p;
-        vec4 r = fetch(residual, i) - scalars.alpha * s;
-        next_residual[i] = r;
-        vec3 u = precondition(i, r.xyz, coarse_vector, COARSE ? (fetch(node_rest, i).xyz - place.xyz) * place.w : vec3(0.0));
+        vec3 p = fetch(preconditioned, i).xyz + scalars.beta * fetch(direction, i).xyz;
+        vec3 s = fetch(operator_product, i).xyz + scalars.beta * fetch(direction_product, i).xyz;
+        next_direction[i] = vec4(p, 0.0);
+        next_direction_product[i] = vec4(s, 0.0);
+        store(solution, i, vec4(fetch(solution, i).xyz + scalars.alpha * p, 0.0));
+        vec3 r = fetch(residual, i).xyz - scalars.alpha * s;
+        next_residual[i] = vec4(r, 0.0);
+        vec3 u = precondition(i, r, coarse_vector, COARSE ? (fetch(node_rest, i).xyz - place.xyz) * place.w : vec3(0.0));
         next_preconditioned[i] = vec4(scalars.clears_u ? vec3(0.0) : u, 0.0);
     }
 }
 
 void main() {
     Scalars scalars;
-    if (!is_running() || !next_scalars(scalars)) return;
+    bool goes_on = next_scalars(scalars);
+    if (!is_running() || !goes_on) return;
     if (ROLE == TOOL_ROWS) {
         update_tool(scalars);
         return;

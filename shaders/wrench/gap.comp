@@ -42,7 +42,7 @@ layout(constant_id = 9) const uint TOOL_CHUNKS = 0;
 layout(constant_id = 10) const uint SECTORS = 1;        // 27 for a sphere, 1 for others; one of them is for the shortest way
 layout(constant_id = 11) const float MARGIN = 0.0;      // m; 0 with one sector
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer Frames { Frame frames[]; };
 layout(scalar) readonly buffer SolveIn { Solve solve; };
 layout(scalar) readonly buffer Iterates { RigidIterate iterates[]; };

@@ -20,13 +20,14 @@ layout(constant_id = 0) const uint SIZE = 8;
 layout(constant_id = 7) const bool FRICTION = false;
 layout(constant_id = 8) const uint TOOLS = 1;   // number of tools; where there are several, each is a held core
 
-layout(scalar) readonly buffer Params { StepParams params; };
+layout(scalar) uniform Params { StepParams params; };
 layout(scalar) readonly buffer CountsIn { Counts counts; };
-layout(scalar) readonly buffer Contacts { Contact contacts[]; };
+READ_ONLY(uvec4, contacts);
 layout(scalar) readonly buffer Pairs { Pair pairs[]; };
 READ_ONLY(vec4, contact_forces);      // output of solve/contact_product for the solution
 layout(scalar) writeonly buffer ReportOut { Report report; };
 
+#include "shared/contact.glsl"
 #include "shared/sum.glsl"
 #include "shared/tool.glsl"
 #include "shared/contact_law.glsl"
@@ -51,7 +52,7 @@ void main() {
     float sums[52];
     for (int k = 0; k < 52; k++) sums[k] = 0.0;
     for (uint c = lane; c < counts.contacts; c += SIZE) {
-        Contact contact = contacts[c];
+        Contact contact = contact_at(c);
         if (is_released(contact) || contact.tool_sign == 0.0) continue;
         if (TOOLS > 1 && !turn_to(tool, contact)) continue;
         vec4 change = fetch(contact_forces, c);

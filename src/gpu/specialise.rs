@@ -89,6 +89,7 @@ const PTR_ACCESS_CHAIN: u32 = 67;
 const IMAGE_TEXEL_POINTER: u32 = 60;
 const IMAGE_QUERY_SIZE: u32 = 104;
 const IMAGE_READ: u32 = 98;
+const IMAGE_WRITE: u32 = 99;
 const ATOMIC_STORE: u32 = 228;
 /// Opcode of the first atomic instruction. All atomic instructions but `ATOMIC_STORE` return a value.
 const ATOMIC_FIRST: u32 = 227;
@@ -438,7 +439,8 @@ impl<'a> Flow<'a> {
                     out.push((((ENTRY_WORDS + kept.len()) as u32) << 16) | ENTRY_POINT);
                     out.extend(entry[1..].iter().chain(&kept));
                 }
-                (NAME | DECORATE | STORE | ATOMIC_STORE, [id, ..]) | (VARIABLE, [_, id, ..]) if gone.contains(id) => {}
+                (NAME | DECORATE | STORE | ATOMIC_STORE | IMAGE_WRITE, [id, ..]) | (VARIABLE, [_, id, ..])
+                    if gone.contains(id) => {}
                 (ACCESS_CHAIN | IN_BOUNDS_ACCESS_CHAIN, [_, id, from, ..]) if gone.contains(from) => {
                     gone.insert(*id);
                 }

@@ -13,9 +13,9 @@ pub enum BindingKind {
     Storage,
     /// `uniform` block.
     Uniform,
-    /// `imageBuffer`, read only: four floats an element.
+    /// `imageBuffer`: four floats an element.
     TexelFloat,
-    /// `uimageBuffer`, read only: four unsigned integers an element.
+    /// `uimageBuffer`: four unsigned integers an element.
     TexelUint,
 }
 
@@ -267,12 +267,8 @@ impl Module {
             }
             _ => false,
         };
-        if matches!(kind, BindingKind::TexelFloat | BindingKind::TexelUint) && !marks.non_writable {
-            return Err(format!("{name} is an imageBuffer that may be written; declare it readonly"));
-        }
-        let storage = kind == BindingKind::Storage;
-        let reads = !storage || !(marks.non_readable || all(|m| m.non_readable));
-        let writes = storage && !(marks.non_writable || all(|m| m.non_writable));
+        let reads = !(marks.non_readable || all(|m| m.non_readable));
+        let writes = kind != BindingKind::Uniform && !(marks.non_writable || all(|m| m.non_writable));
         Ok(Binding { variable: id, binding: number, name, kind, reads, writes })
     }
 

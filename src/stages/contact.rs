@@ -14,7 +14,7 @@ use super::model::Model;
 use super::overlaps::Overlaps;
 use super::skin::Skin;
 use super::solve::Solve;
-use super::{Common, array, count, upload, zeros};
+use super::{Common, array, count, upload, whole_texels, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Context, Kernel, Recorder, Size};
 use crate::shaders;
@@ -121,12 +121,12 @@ impl Contact {
                 contacts: zeros::<shaders::Contact>(context, "contacts", capacity)?,
                 entry_nodes: zeros::<[u32; 4]>(context, "entry_nodes", 4 * capacity)?,
                 entry_weights: zeros::<[f32; 4]>(context, "entry_weights", 4 * capacity)?,
-                node_entries: zeros::<[u32; 2]>(context, "node_entries", nodes)?,
-                sorted: zeros::<[u32; 2]>(context, "sorted", ENTRIES * capacity)?,
+                node_entries: zeros::<[u32; 4]>(context, "node_entries", nodes.div_ceil(2))?,
+                sorted: zeros::<[u32; 4]>(context, "sorted", (ENTRIES * capacity).div_ceil(2))?,
                 contact_forces: zeros::<[f32; 4]>(context, "contact_forces", capacity)?,
             },
-            fan_first: upload(context, "fan_first", &model.fan_first)?,
-            fans: upload(context, "fans", &model.fans)?,
+            fan_first: upload(context, "fan_first", &whole_texels(&model.fan_first))?,
+            fans: upload(context, "fans", &whole_texels(&model.fans))?,
             areas: upload(context, "areas", &model.skin_areas)?,
             candidate_hits: zeros::<[f32; 4]>(context, "candidate_hits", candidates)?,
             candidate_what: zeros::<[u32; 4]>(context, "candidate_what", candidates)?,

@@ -10,7 +10,6 @@ use super::contact::Contact;
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
-use super::skin::{self, Skin};
 use super::{Common, array, count, upload, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
@@ -78,7 +77,6 @@ impl Cull {
             (model.proxy_pairs.len(), model.pair_proxies.len(), model.max_work_items());
         let follow: f32 = if smooth { 0.25 } else { 1.0 };
         let spans = ("SPANS", Const::Bool(model.spans_frames()));
-        let buckets = skin::buckets(model);
         let list = [
             ("PAIR_PROXIES", count(pair_proxies)),
             ("MAX_WORK_ITEMS", count(work_items)),
@@ -96,7 +94,7 @@ impl Cull {
             direction: reduce("cull/direction", &[])?,
             contact_patches_kernel: reduce(
                 "cull/contact_patches",
-                &[("MOST_CELLS", MOST_CELLS.into()), ("FOLLOW", follow.into()), ("BUCKETS", buckets.into())],
+                &[("MOST_CELLS", MOST_CELLS.into()), ("FOLLOW", follow.into())],
             )?,
             chunks_kernel: reduce("cull/chunks", &[spans])?,
             meet: reduce("cull/meet", &list)?,
@@ -132,15 +130,7 @@ impl Cull {
     /// Records up to five passes, which make: the list of pairs of proxies that may touch, the contact directions of
     /// these pairs, the contact patches, the bounds of chunks, and the list of chunks that meet. `last`: the contact
     /// stage, which still holds the contacts of the last step.
-    pub fn record(
-        &self,
-        recorder: &mut Recorder,
-        common: &Common,
-        pose: &Pose,
-        skin: &Skin,
-        last: &Contact,
-        elastic: &Elastic,
-    ) {
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, pose: &Pose, last: &Contact, elastic: &Elastic) {
         recorder.stage("cull");
         if self.test_groups > 0 {
             self.record_directions(recorder, common, pose, last);
@@ -162,7 +152,6 @@ impl Cull {
             counts: &common.counts,
             args: &common.args,
             near_pairs: &self.near_pairs,
-            buckets: &skin.buckets,
         };
         recorder.dispatch_groups(&self.contact_patches_kernel, &arguments, self.pair_count);
         let arguments = shaders::cull::Chunks {

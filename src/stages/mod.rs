@@ -192,6 +192,13 @@ fn upload<T: Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buff
     Buffer::from_slice(context, name, data, Memory::Device)
 }
 
+/// These numbers and zeros, a multiple of four of them, at least four: texels of four.
+fn whole_texels(numbers: &[u32]) -> Vec<u32> {
+    let mut texels = numbers.to_vec();
+    texels.resize(numbers.len().next_multiple_of(4).max(4), 0);
+    texels
+}
+
 /// An array in GPU memory with these contents, or, where there are none, a single zero that no kernel reads.
 fn upload_or_nothing<T: Pod>(context: &Arc<Context>, name: &str, data: &[T]) -> Result<Buffer> {
     if data.is_empty() { zeros::<T>(context, name, 1) } else { upload(context, name, data) }

@@ -8,7 +8,6 @@ use std::sync::Arc;
 
 use super::elastic::Elastic;
 use super::model::Model;
-use super::skin::{self, Skin};
 use super::solve::Solve;
 use super::{Common, array, count, upload};
 use crate::Result;
@@ -38,7 +37,7 @@ pub struct Pose {
 impl Pose {
     /// Kernels and arrays for a model.
     pub fn new(context: &Arc<Context>, model: &Model) -> Result<Pose> {
-        let constants = [("SPANS", Const::Bool(model.spans_frames())), ("BUCKETS", skin::buckets(model).into())];
+        let constants = [("SPANS", Const::Bool(model.spans_frames()))];
         Ok(Pose {
             place: Kernel::new(context, "pose/place", Size::Reduce, &constants)?,
             proxy_count: model.proxies.len() as u32,
@@ -53,7 +52,7 @@ impl Pose {
     }
 
     /// Records one pass, with a workgroup per proxy.
-    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic, skin: &Skin) {
+    pub fn record(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.stage("pose");
         let arguments = shaders::pose::Place {
             frames: &common.frames,
@@ -69,7 +68,6 @@ impl Pose {
             bounds: &self.bounds,
             counts: &common.counts,
             args: &common.args,
-            buckets: &skin.buckets,
         };
         recorder.dispatch_groups(&self.place, &arguments, self.proxy_count);
     }

@@ -78,8 +78,15 @@ impl Skin {
             buckets: array::<u32>(context, "buckets", bucket_words(model) as usize)?,
             hash_entries: array::<[u32; 4]>(context, "hash_entries", hash_entries)?,
             entry_hits: array::<u32>(context, "entry_hits", hash_entries)?,
-            entry_cells: array::<[u32; 2]>(context, "entry_cells", hash_entries)?,
+            entry_cells: array::<[u32; 4]>(context, "entry_cells", hash_entries.div_ceil(2))?,
         })
+    }
+
+    /// Records the fill that empties the spatial hash and the depth grids of the vertices, in the stage pose, long
+    /// before they are written.
+    pub fn record_clear(&self, recorder: &mut Recorder) {
+        recorder.stage("pose");
+        recorder.fill(&self.buckets, shaders::NONE);
     }
 
     /// Records one pass, with a workgroup per active chunk.

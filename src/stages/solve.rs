@@ -398,7 +398,7 @@ impl Solve {
             direction_product,
             operator_product: vector("operator_product")?,
             partials: array::<[f32; 2]>(context, "partials", groups)?,
-            dots: array::<[f32; 2]>(context, "dots", groups)?,
+            dots: array::<[f32; 4]>(context, "dots", groups.div_ceil(2))?,
             projections: array::<[f32; 4]>(context, "projections", groups)?,
             trend: Trend {
                 nodes: vector("trend")?.known_as(&["trend", "change"]),

@@ -70,12 +70,13 @@ impl TouchStages {
     /// Records the stage pose, which also resets the counters of the step.
     pub fn record_pose(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
         recorder.upload(&self.cull.pairs);
-        self.pose.record(recorder, common, elastic, &self.skin);
+        self.skin.record_clear(recorder);
+        self.pose.record(recorder, common, elastic);
     }
 
     /// Records the stage cull.
     pub fn record_broad_phase(&self, recorder: &mut Recorder, common: &Common, elastic: &Elastic) {
-        self.cull.record(recorder, common, &self.pose, &self.skin, &self.contact, elastic);
+        self.cull.record(recorder, common, &self.pose, &self.contact, elastic);
     }
 
     /// Records the stages skin, depth and contact; `solve` as for [`TouchStages::record`].

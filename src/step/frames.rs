@@ -175,6 +175,7 @@ impl Frames {
             *link = Link {
                 turn: unwound(back * from.start.rotation).as_quat().to_array(),
                 offset: offset.as_vec3().to_array(),
+                ..Link::default()
             };
         }
     }
@@ -359,6 +360,7 @@ impl State {
                 turn: [0.0, 0.0, 0.0, 1.0],
                 gyroscopic: gyroscopic.as_vec3().to_array(),
                 core: NONE,
+                ..Frame::default()
             };
         }
         let turned = unwound(self.end.rotation * rotation.conjugate());
@@ -370,6 +372,7 @@ impl State {
             turn: unwound(self.end.rotation.conjugate() * rotation).as_quat().to_array(),
             gyroscopic: [0.0; 3],
             core: NONE,
+            ..Frame::default()
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::step::{ContactWrench, RigidState};
 use crate::{Error, Result};
 
 /// The first bytes of a saved state, with the version of its format.
-const MARK: [u8; 8] = *b"palpate8";
+const MARK: [u8; 8] = *b"palpate9";
 
 /// The state of a simulation: everything that moves.
 #[derive(Serialize, Deserialize)]

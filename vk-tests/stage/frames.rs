@@ -90,6 +90,7 @@ fn bent(angle: f64, seed: u64) -> (System, Vec<Placed>) {
         *link = Link {
             turn: (back * b.rotation).as_quat().to_array(),
             offset: (back * (b.centre - a.centre) - (rest(from) - rest(to))).as_vec3().to_array(),
+            ..Link::default()
         };
     }
     let Shape::Soft { layer, .. } = &body.shape else { unreachable!() };
@@ -225,7 +226,6 @@ fn skin_across_frames_is_where_its_nodes_are_and_within_its_bounds() {
         .output::<ProxyBounds>("bounds", 2)
         .inout("counts", &[Counts::default()])
         .partial("args", &[0u32; ARGS_WORDS])
-        .output::<u32>("buckets", 1)
         .groups(2)
         .run();
     let body = two_frames();

@@ -506,7 +506,11 @@ fn shortest_ways_to_deformed_bodies() {
             let back = starts[to].1.inverse();
             let rest = given.flow.model.frames[from].rest_centre - given.flow.model.frames[to].rest_centre;
             let offset = back * (starts[from].0 - starts[to].0) - rest;
-            *link = Link { turn: (back * starts[from].1).as_quat().to_array(), offset: offset.as_vec3().to_array() };
+            *link = Link {
+                turn: (back * starts[from].1).as_quat().to_array(),
+                offset: offset.as_vec3().to_array(),
+                ..Link::default()
+            };
         }
         // The tool's centre is put at falling distances from random places of the skin, the first one out of reach.
         let (skin, count) = (given.positions(), sphere(0.04, 4).0.len());

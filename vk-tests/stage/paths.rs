@@ -139,8 +139,9 @@ impl Query {
         let depths = PATHS.map(|path| Depth::new(context, &model, path).unwrap());
         let recordings = depths.each_ref().map(|depth| {
             let mut recorder = Recorder::new(context).unwrap();
-            pose.record(&mut recorder, &common, &elastic, &skin);
-            cull.record(&mut recorder, &common, &pose, &skin, &contact, &elastic);
+            skin.record_clear(&mut recorder);
+            pose.record(&mut recorder, &common, &elastic);
+            cull.record(&mut recorder, &common, &pose, &contact, &elastic);
             skin.record(&mut recorder, &common, &pose, &cull, &elastic);
             depth.record(&mut recorder, &common, &cull, &skin);
             recorder.finish().unwrap()

@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 use glam::{DQuat, DVec3};
 use palpate::internal::gpu::Size;
 use palpate::internal::shaders;
-use palpate::internal::shaders::{Counts, Frame, Link, NONE, Proxy, ProxyBounds};
+use palpate::internal::shaders::{Counts, Frame, Link, Proxy, ProxyBounds};
 use palpate::internal::stages::ARGS_WORDS;
 use palpate_oracle::proximity;
 
@@ -17,7 +17,6 @@ use crate::harness::{Outcome, Tolerance, case, context, expect_close};
 const PLACED: Tolerance = Tolerance { abs: 2e-6, rel: 1e-6 };
 /// Error of a bound, to which the kernel adds a thousandth and a micrometre, so that rounding never makes it too small.
 const BOUND: Tolerance = Tolerance { abs: 1.1e-6, rel: 1.1e-3 };
-const BUCKETS: u32 = 100;
 /// The counters that the last step left.
 const LAST: Counts = Counts {
     chunks: 1,
@@ -75,7 +74,6 @@ impl Given {
         case("pose/place")
             .size(Size::Reduce)
             .constant("SPANS", self.links.len() > 1)
-            .constant("BUCKETS", BUCKETS)
             .input("frames", &self.frames)
             .input("proxies", &self.proxies)
             .input("hull_rest", &self.hull)
@@ -89,7 +87,6 @@ impl Given {
             .output::<ProxyBounds>("bounds", self.proxies.len())
             .inout("counts", &[LAST])
             .partial("args", &stale)
-            .output::<u32>("buckets", BUCKETS as usize)
             .groups(self.proxies.len())
             .run()
     }
@@ -135,7 +132,6 @@ fn a_quarter_turn_by_hand() {
     // by twice this displacement. The second proxy has no nodes.
     expect_close("inflation", &[bounds[0].inflation, bounds[1].inflation], &[1.01, 0.01], BOUND);
     assert_eq!(out.get::<Counts>("counts"), [Counts { last_contacts: LAST.contacts, ..Counts::default() }]);
-    assert_eq!(out.get::<u32>("buckets"), [NONE; BUCKETS as usize]);
     let args: Vec<u32> = out.get("args");
     for args_index in 0..shaders::ARGS_LOOP_ELEMENT_PRODUCT {
         assert_eq!(args[3 * args_index as usize..][..3], [0, 1, 1], "indirect arguments of dispatch {args_index}");
@@ -158,7 +154,7 @@ fn crowd(sizes: &[[usize; 3]], spans: bool, random: &mut Random) -> Given {
     let place = |random: &mut Random| frame(random.turn(3.0), random.vector());
     let link = |random: &mut Random| {
         let turn = random.turn(1.0).as_quat().to_array();
-        Link { turn, offset: random.vector().as_vec3().to_array() }
+        Link { turn, offset: random.vector().as_vec3().to_array(), ..Link::default() }
     };
     let mut given = Given {
         frames: (0..5).map(|_| place(random)).collect(),

@@ -105,7 +105,7 @@ pub fn contact_patch(normal: DVec3, half: f32, cell: f32) -> ContactPatch {
         high,
         cells_per_metre: [1.0 / cell, 1.0 / (1.7 * cell)],
         weight: 1.0,
-        turn: 0.0,
+        ..ContactPatch::default()
     }
 }
 

@@ -9,6 +9,7 @@ use palpate::internal::shaders::{Contact, Iteration, RigidIterate, Supported};
 use super::side_by_side::{FREE, Variant, merged, settled, unwritten};
 use super::{Change, Passes};
 use crate::harness::{Case, Outcome, case, context};
+use crate::stage::flow::{fours, pairs};
 
 type Quads = Vec<[f32; 4]>;
 
@@ -64,8 +65,8 @@ impl Passes {
             // The kernel does not read this array, since no tetrahedra here share their volumetric strain (F-bar
             // patches).
             .input("patch_rows", &s.gradients)
-            .input("node_entries", &s.node_entries)
-            .input("sorted", &s.sorted)
+            .input("node_entries", &pairs(&s.node_entries))
+            .input("sorted", &pairs(&s.sorted))
             .input("contacts", &s.contacts)
             .input("carried_residual", &self.carried_residual)
             .input("rigids", &self.rigids)
@@ -266,8 +267,8 @@ impl Passes {
             .input("node_elements", &s.node_elements)
             .input("element_forces", &self.element_forces)
             .input("stiffness_blocks", &self.edges.blocks)
-            .input("node_entries", &s.node_entries)
-            .input("sorted", &s.sorted)
+            .input("node_entries", &pairs(&s.node_entries))
+            .input("sorted", &pairs(&s.sorted))
             .input("counts", &[s.counts])
             .input("contacts", &s.contacts)
             .input("contact_forces", &self.contact_forces)
@@ -456,7 +457,7 @@ impl Passes {
             .input("coarse_blocks", &s.model.coarse.blocks)
             .input("coarse_inverse", &s.model.coarse.inverse)
             .input("coarse_scales", &s.model.coarse.scales)
-            .input("dots", &self.dots)
+            .input("dots", &fours(self.dots.as_flattened()))
             .input("restricted_product", &self.restricted_product)
             .input("restricted_residual", &self.restricted_residual)
             .input("operator_product", &self.operator_product)

@@ -120,10 +120,15 @@ pub fn some<T: Pod>(data: &[T]) -> Vec<T> {
 }
 
 /// The data as from [`some`], filled up with zeros to whole texels of four words.
-pub fn fours(data: &[u32]) -> Vec<u32> {
+pub fn fours<T: Pod>(data: &[T]) -> Vec<T> {
     let mut data = some(data);
-    data.resize(data.len().next_multiple_of(4), 0);
+    data.resize(data.len().next_multiple_of(4), T::zeroed());
     data
+}
+
+/// Pairs of words, such as a node and its link (transform between two frames), two in each texel of four words.
+pub fn pairs(data: &[[u32; 2]]) -> Vec<u32> {
+    fours(data.as_flattened())
 }
 
 /// A scene of which only the contact law and the time step are used.

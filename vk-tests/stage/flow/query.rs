@@ -6,13 +6,8 @@ use palpate::internal::shaders;
 use palpate::internal::shaders::{ActiveChunk, NONE, ProxyBounds};
 use palpate::internal::stages::{CHUNK_VERTICES, PAIR_PATCHES};
 
-use super::{Flow, GRID_WORDS, fours, some};
+use super::{Flow, GRID_WORDS, fours, pairs, some};
 use crate::harness::case;
-
-/// Pairs of a node and its link (transform between two frames), with two pairs in each texel of four words.
-fn pairs(nodes: &[[u32; 2]]) -> Vec<u32> {
-    fours(nodes.as_flattened())
-}
 
 impl Flow {
     pub fn place(&mut self) {
@@ -20,7 +15,6 @@ impl Flow {
         let out = case("pose/place")
             .size(Size::Reduce)
             .constant("SPANS", self.model.spans_frames())
-            .constant("BUCKETS", self.bucket_count)
             .input("frames", &self.frames)
             .input("proxies", &some(&self.model.proxies))
             .input("hull_rest", &some(&self.model.hull))
@@ -34,13 +28,11 @@ impl Flow {
             .output::<ProxyBounds>("bounds", proxies)
             .inout("counts", &[self.counts])
             .partial("args", &self.args)
-            .partial("buckets", &vec![7u32; self.bucket_words()])
             .groups(proxies)
             .run();
         self.hull = out.get("hull");
         self.faces = out.get("faces");
         self.bounds = out.get("bounds");
-        self.buckets = out.get("buckets");
         self.counts = out.get("counts")[0];
         self.args = out.get("args");
     }
@@ -90,7 +82,6 @@ impl Flow {
         let (pairs, pair_proxies) = (self.pairs.len(), self.model.pair_proxies.len());
         let out = case("cull/contact_patches")
             .size(Size::Reduce)
-            .constant("BUCKETS", self.bucket_count)
             .input("params", &[self.params])
             .input("pairs", &self.pairs)
             .input("proxies", &self.model.proxies)
@@ -107,7 +98,6 @@ impl Flow {
             .inout("counts", &[self.counts])
             .inout("args", &self.args)
             .partial("near_pairs", &vec![NONE; self.model.proxy_pairs.len()])
-            .partial("buckets", &self.buckets)
             .groups(pairs)
             .run();
         self.contact_patches = out.get("contact_patches");
@@ -117,7 +107,6 @@ impl Flow {
         self.pair_proxy_counts = out.get("pair_proxy_counts");
         self.active_pair_proxies = out.get("active_pair_proxies");
         self.depth_grids = out.get("depth_grids");
-        self.buckets = out.get("buckets");
         self.counts = out.get("counts")[0];
         self.args = out.get("args");
     }
@@ -205,7 +194,7 @@ impl Flow {
             .input("displacement", &some(&self.displacement))
             .input("node_info", &some(&model.node_info))
             .input("contact_patches", &self.contact_patches)
-            .input("shares", &some(&self.shares))
+            .input("shares", &fours(&self.shares))
             .partial("skin", &self.skin)
             .inout("buckets", &vec![NONE; self.bucket_words()])
             .partial("hash_entries", &vec![[NONE - 1; 4]; hash_entries])
