@@ -11,7 +11,8 @@ Contact contact_at(uint c) {
         uintBitsToFloat(f.yzw), v.x, v.y, v.z, v.w, uintBitsToFloat(t.xy), vec2(0.0));
 }
 
-// Writes the texels with depth, rate, stiffness, damping, friction and slip, all that changes after contact/response.
+// Writes the two texels of a contact that hold what changes after contact/response: depth, rate, stiffness, damping,
+// friction and slip.
 #define store_contact(c, contact) { \
     store(contacts, CONTACT_TEXELS * (c) + 2, \
         floatBitsToUint(vec4((contact).depth, (contact).rate, (contact).stiffness, (contact).damping))); \

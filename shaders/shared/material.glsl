@@ -1,4 +1,5 @@
 // Reads elastic materials, two texels each. An including shader declares the array `materials` of uvec4.
+
 ElasticMaterial material_at(uint index) {
     uvec4 bits = fetch(materials, 2 * index);
     vec4 first = uintBitsToFloat(bits), more = uintBitsToFloat(fetch(materials, 2 * index + 1));

@@ -3,7 +3,8 @@
 // triangle covers. The ray of a vertex of a runs against the patch's normal (which points from a to b), the ray of a
 // vertex of b along the normal. A hit goes onto the vertex's linked list, whose head is in `entry_hits`. A work item is
 // a chunk (group of skin vertices) in one contact patch. An including shader includes shared/spatial_hash.glsl and
-// declares `buckets`, `hash_entries`, `entry_cells`, `entry_hits`, `hits`, `counts` and MOST_HITS (room for hits).
+// declares `buckets`, `hash_entries`, `entry_cells` (two in a texel), `entry_hits`, `hits`, `counts` and MOST_HITS (room for
+// hits).
 
 // A number above every index of `hash_entries` and below NONE. A loop follows a list while the next index is below this
 // number. If that index is not NONE after the loop, Mesa's software renderer llvmpipe ended the loop early (see
