@@ -46,7 +46,7 @@ void main() {
     float strain = 0.0;
     for (uint k = 0; k < PATCH_TETRAHEDRA; k++) {
         uvec4 pair = fetch(patch_members, PATCHES * (k / 2) + p);
-        uvec2 member = k % 2 == 0 ? pair.xy : pair.zw;
+        uvec2 member = half_of(pair, k);
         uint t = member.x;
         float root = fetch(rest_gradients, 3 * t).w;
         uint first = GRADIENT_TEXELS * t;

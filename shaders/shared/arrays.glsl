@@ -24,3 +24,7 @@
 // `READ_WRITE(vec4, solution)` declares an array that is also written, with `store(solution, i, value)`. An array that is
 // only written is a storage buffer, which lavapipe writes faster.
 #define READ_WRITE(type, array) READ_WRITE_##type(array)
+
+// Element k of an array of pairs, from the texel k / 2, which holds two of them.
+uvec2 half_of(uvec4 texel, uint k) { return k % 2 == 0 ? texel.xy : texel.zw; }
+vec2 half_of(vec4 texel, uint k) { return k % 2 == 0 ? texel.xy : texel.zw; }

@@ -72,7 +72,7 @@ uint hit_cells(ivec2 first, ivec2 last, uint patch_side, vec3 corners[3], uint s
         // A list may hold vertices of several cells. So that a vertex counts once, a hit is recorded only when the loop
         // visits the vertex's own cell.
         uvec4 cells = is_hit ? fetch(entry_cells, at / 2) : uvec4(0);
-        if (is_hit && depth > 0.0 && (at % 2 == 0 ? cells.xy : cells.zw) == cell_key(cell, patch_side)) {
+        if (is_hit && depth > 0.0 && half_of(cells, at) == cell_key(cell, patch_side)) {
             record_ray_hit(at, side == 1 ? sum < 0.0 : sum > 0.0, depth, triangle, work_item);
         }
     }

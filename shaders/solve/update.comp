@@ -161,10 +161,7 @@ bool next_scalars(out Scalars scalars) {
     float energy_limit = CONTACT ? solve.energy_limit : UNLIMITED;
     uint pulling = CONTACT ? solve.pulling[set] : 0;
     vec4 totals[SUMS] = vec4[SUMS](vec4(0.0), vec4(0.0), vec4(0.0));
-    for (uint k = gl_LocalInvocationID.x; k < PARTIALS; k += SIZE) {
-        vec4 two = fetch(dots, k / 2);
-        totals[0].xy += k % 2 == 0 ? two.xy : two.zw;
-    }
+    for (uint k = gl_LocalInvocationID.x; k < PARTIALS; k += SIZE) totals[0].xy += half_of(fetch(dots, k / 2), k);
     workgroup_sums(totals, 1);
     float gamma = totals[0].x, delta = totals[0].y;
     if (CONTACT && last.is_release == 1) {

@@ -292,9 +292,6 @@ impl Model {
             model.add_body(index, body, index == tool);
             proxy_ranges.push(first..model.proxies.len());
         }
-        // The kernels read both arrays four elements at a time.
-        model.chunk_vertices.resize(model.chunk_vertices.len().next_multiple_of(4), 0);
-        model.chunk_triangles.resize(model.chunk_triangles.len().next_multiple_of(4), 0);
         if model.deforming.is_empty() {
             let info = model.element_info.iter().zip(0..);
             model.deforming = info.map(|([material, frame], t)| [t, *material, *frame, 0]).collect();

@@ -9,7 +9,7 @@ use super::cull::{Cull, GRID_WORDS};
 use super::elastic::Elastic;
 use super::model::Model;
 use super::pose::Pose;
-use super::{Common, array, count, upload, zeros};
+use super::{Common, array, count, upload, whole_texels, zeros};
 use crate::Result;
 use crate::gpu::{Buffer, Const, Context, Kernel, Memory, Recorder, Size};
 use crate::shaders;
@@ -69,8 +69,8 @@ impl Skin {
         let hash_entries = CHUNK_VERTICES * model.max_gathering_work_items();
         Ok(Skin {
             embed: Kernel::new(context, "skin/embed", Size::Reduce, &constants)?,
-            chunk_vertices: upload(context, "chunk_vertices", &model.chunk_vertices)?,
-            chunk_triangles: upload(context, "chunk_triangles", &model.chunk_triangles)?,
+            chunk_vertices: upload(context, "chunk_vertices", &whole_texels(&model.chunk_vertices))?,
+            chunk_triangles: upload(context, "chunk_triangles", &whole_texels(&model.chunk_triangles))?,
             skin_nodes: upload(context, "skin_nodes", &model.skin_nodes)?,
             skin_weights: upload(context, "skin_weights", &model.skin_weights)?,
             skin: zeros::<[f32; 4]>(context, "skin", model.skin_nodes.len())?,
